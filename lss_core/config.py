@@ -1,0 +1,130 @@
+"""Sizes and choices of the perception half, as frozen dataclasses; defaults are the paper's."""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from lss_core.grid import BevGrid
+
+CAMERAS = (
+    "CAM_FRONT_LEFT",
+    "CAM_FRONT",
+    "CAM_FRONT_RIGHT",
+    "CAM_BACK_LEFT",
+    "CAM_BACK",
+    "CAM_BACK_RIGHT",
+)
+
+
+@dataclass(frozen=True)
+class DepthBins:
+    """Depths a pixel may lie at, measured along the camera's z axis.
+
+    Paper: section 4.1 (4 m to 45 m every 1 m: D = 41).
+
+    Attributes:
+        min_m: First depth.
+        max_m: No depth reaches this.
+        step_m: Distance between depths.
+    """
+
+    min_m: float = 4.0
+    max_m: float = 45.0
+    step_m: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not (0.0 < self.min_m < self.max_m and self.step_m > 0.0):
+            raise ValueError(f"Depth bins need 0 < min_m < max_m and step_m > 0, got {self}.")
+
+    @property
+    def depths_m(self) -> tuple[float, ...]:
+        """The D depths."""
+        count = round((self.max_m - self.min_m) / self.step_m)
+        return tuple(self.min_m + i * self.step_m for i in range(count))
+
+
+@dataclass(frozen=True)
+class ImageConfig:
+    """How a camera image becomes the network's input.
+
+    Attributes:
+        height_px: Rows the network sees.
+        width_px: Columns the network sees.
+        resize: Smallest and largest factor drawn in training, relative to the factor at which the
+            full width fits; evaluation takes 1. Equal numbers: no augmentation.
+        crop_bottom: Smallest and largest share of the resized image cut off below in training;
+            evaluation takes their mean. The rest of what is too much is cut off above.
+        rotate_rad: Largest in-plane rotation in training.
+        flip: Whether training mirrors single images (the intrinsics mirror with them).
+    """
+
+    height_px: int = 128
+    width_px: int = 352
+    resize: tuple[float, float] = (0.877, 1.023)
+    crop_bottom: tuple[float, float] = (0.0, 0.22)
+    rotate_rad: float = 0.0942
+    flip: bool = True
+
+
+@dataclass(frozen=True)
+class ModelConfig:
+    """The network from images to map.
+
+    Attributes:
+        backbone: Name of a timm model for the images, or `plain-16-32-64-128` (see ImageEncoder).
+        pretrained: `timm` (downloads ImageNet weights), `none`, or the path of a weights file.
+        context_channels: C, the length of a pixel's context vector.
+        image_stride: Pixels per feature cell, 8 or 16.
+        neck_channels: Width of the convolutions that join the backbone's two strides.
+        stem_channels: Width of the BEV network's first stage (paper: 64, then 128, 256).
+        decoder_channels: Width of the BEV network's decoder; half of it at full resolution.
+        frustum: `cell`: pixel centres where they are; `released`: stretched to the image's edges as
+            in the released perception code.
+        depth: Depth bins.
+        grid: Bird's-eye-view grid.
+        z_min_m: Points below are dropped.
+        z_max_m: Points at or above are dropped.
+        head_init_std: Standard deviation of the last layer's weights at the start of training.
+    """
+
+    backbone: str = "efficientnet_b0"
+    pretrained: str = "timm"
+    context_channels: int = 64
+    image_stride: int = 16
+    neck_channels: int = 512
+    stem_channels: int = 64
+    decoder_channels: int = 256
+    frustum: Literal["cell", "released"] = "cell"
+    depth: DepthBins = field(default_factory=DepthBins)
+    grid: BevGrid = field(default_factory=BevGrid)
+    z_min_m: float = -10.0
+    z_max_m: float = 10.0
+    head_init_std: float = 1e-3
+
+
+@dataclass(frozen=True)
+class DataConfig:
+    """Which data, and what is done to it on the way in.
+
+    Attributes:
+        root: Folder that holds `samples`, `maps` and the version's folder.
+        version: Name of the tables' folder.
+        image: Image size and augmentation.
+        cameras: Channels used, in this order.
+        ego_motion: Whether each camera's own pose at its own time is used (the released code does
+            not).
+        skip_missing: Leave out samples whose image files are absent, and count them, instead of
+            stopping.
+        drop_cameras: Cameras hidden at random per training sample (paper, section 5.3).
+        extrinsic_noise_rad: Standard deviation of rotation noise on `ego_from_camera` in training.
+        extrinsic_noise_m: Standard deviation of translation noise on `ego_from_camera` in training.
+    """
+
+    root: str = "data/nuscenes"
+    version: str = "v1.0-trainval"
+    image: ImageConfig = field(default_factory=ImageConfig)
+    cameras: tuple[str, ...] = CAMERAS
+    ego_motion: bool = True
+    skip_missing: bool = False
+    drop_cameras: int = 0
+    extrinsic_noise_rad: float = 0.0
+    extrinsic_noise_m: float = 0.0

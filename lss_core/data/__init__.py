@@ -1,0 +1,1 @@
+"""Disk to Batch: nuScenes tables, images and what is cached of them."""

@@ -1,0 +1,159 @@
+"""One sample of the index -> one Batch item."""
+
+import logging
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+from torch.utils.data import Dataset
+
+from lss_core.batch import Batch
+from lss_core.config import DataConfig
+from lss_core.data.images import draw_pixel_map, load_image, open_image
+from lss_core.data.samples import SampleIndex
+from lss_core.errors import DataError
+from lss_core.geometry import FloatArray, invert
+
+logger = logging.getLogger(__name__)
+
+
+def ego_from_camera(index: SampleIndex, row: int, ego_motion: bool = True) -> FloatArray:
+    """[N, 4, 4] camera poses in the ego frame of the sample's lidar time.
+
+    With `ego_motion` the car's own motion between a camera's shutter and the lidar's time stamp is
+    undone: ego_from_global(t_lidar) . global_from_ego(t_camera) . mounting.
+
+    Paper: silent. Deviation from the released code, see docs/deviations.md.
+    """
+    mounting: FloatArray = index.egocam_from_camera[row]
+    if not ego_motion:
+        return mounting
+    ego_from_egocam: FloatArray = invert(index.global_from_ego[row]) @ index.global_from_egocam[row]
+    return np.where(index.has_camera[row][:, None, None], ego_from_egocam @ mounting, mounting)
+
+
+def usable_rows(
+    index: SampleIndex, root: Path, rows: NDArray[np.int64], skip_missing: bool
+) -> NDArray[np.int64]:
+    """The samples whose images are all on disk; a camera that the tables do not list may be absent.
+
+    Args:
+        index: Of the data set.
+        root: Its folder.
+        rows: [R] samples to look at.
+        skip_missing: Leave out samples with absent files and say how many, instead of stopping.
+
+    Raises:
+        DataError: If a file is absent (or a sample has no image at all) and `skip_missing` is off, or
+            if nothing is left.
+    """
+    present = np.ones(len(rows), dtype=bool)
+    example = ""
+    for i, row in enumerate(rows):
+        paths = index.image_path[row][index.has_camera[row]]
+        absent = [path for path in paths if not (root / path).is_file()]
+        if absent or not len(paths):
+            present[i] = False
+            token = index.sample_token[row]
+            example = example or (
+                f"'{root / absent[0]}' is missing"
+                if absent
+                else f"sample {token} has no image of {', '.join(index.cameras)}"
+            )
+    left_out = int((~present).sum())
+    if left_out and not skip_missing:
+        raise DataError(
+            f"{left_out} of {len(rows)} samples lack images: {example}; complete the data set or "
+            "leave such samples out with --data.skip-missing."
+        )
+    if left_out == len(rows):
+        raise DataError(f"None of {len(rows)} samples has all its images: {example}.")
+    if left_out:
+        logger.warning(
+            "Left out %d of %d samples without images: %s.", left_out, len(rows), example
+        )
+    usable: NDArray[np.int64] = rows[present]
+    return usable
+
+
+class CameraDataset(Dataset[Batch]):
+    """Images and matrices of samples, augmented when an item is asked for with a draw number.
+
+    An item is asked for as `(position, draw)`. Everything random about it follows from the seed and `draw`
+    alone, so any number of workers and any restart give the same images. A negative draw means
+    evaluation: no augmentation, no dropped cameras, no noise.
+    """
+
+    def __init__(
+        self, index: SampleIndex, rows: NDArray[np.int64], config: DataConfig, seed: int = 0
+    ) -> None:
+        self.index = index
+        self.rows = rows
+        self.config = config
+        self.seed = seed
+        self.root = Path(config.root)
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __getitem__(self, item: tuple[int, int]) -> Batch:
+        """The sample at a position, without batch dimension.
+
+        Raises:
+            DataError: If an image is missing or damaged.
+        """
+        position, draw = item
+        row = int(self.rows[position])
+        rng = np.random.default_rng((self.seed, draw)) if draw >= 0 else None
+        num = len(self.index.cameras)
+        size = self.config.image
+        images = np.zeros((num, size.height_px, size.width_px, 3), dtype=np.uint8)
+        pixel_from_camera = np.tile(np.eye(3), (num, 1, 1))
+        mask = self._kept_cameras(row, rng)
+        for n in range(num):
+            raw_hw = self._raw_hw(row, n) if self.index.has_camera[row, n] else (900, 1600)
+            # Drawn for every camera, so that a dropped one does not change the others.
+            pixel_map = draw_pixel_map(size, raw_hw, rng)
+            if not mask[n]:
+                continue
+            images[n] = load_image(self.root / self.index.image_path[row, n], pixel_map)
+            intrinsics = self.index.rawpixel_from_camera[row, n]
+            pixel_from_camera[n] = pixel_map.pixel_from_rawpixel @ intrinsics
+        poses = self._noisy(ego_from_camera(self.index, row, self.config.ego_motion), rng)
+        return Batch(
+            images=torch.from_numpy(images).permute(0, 3, 1, 2),
+            pixel_from_camera=torch.from_numpy(pixel_from_camera).float(),
+            ego_from_camera=torch.from_numpy(poses).float(),
+            camera_mask=torch.from_numpy(mask),
+            sample_idx=torch.tensor(row),
+        )
+
+    def _raw_hw(self, row: int, camera: int) -> tuple[int, int]:
+        height, width = (int(side) for side in self.index.image_hw[row, camera])
+        if height > 0 and width > 0:
+            return height, width
+        width, height = open_image(self.root / self.index.image_path[row, camera]).size
+        return height, width
+
+    def _kept_cameras(self, row: int, rng: np.random.Generator | None) -> NDArray[np.bool_]:
+        """Which cameras are shown; at least one always is."""
+        mask: NDArray[np.bool_] = self.index.has_camera[row].copy()
+        if rng is not None and self.config.drop_cameras:
+            there = np.flatnonzero(mask)
+            dropped = min(self.config.drop_cameras, len(there) - 1)
+            mask[rng.choice(there, size=max(dropped, 0), replace=False)] = False
+        return mask
+
+    def _noisy(self, poses: FloatArray, rng: np.random.Generator | None) -> FloatArray:
+        """Calibration noise (paper, section 5.3)."""
+        config = self.config
+        if rng is None or not (config.extrinsic_noise_rad or config.extrinsic_noise_m):
+            return poses
+        num = len(poses)
+        turn = Rotation.from_rotvec(rng.normal(0.0, config.extrinsic_noise_rad, (num, 3)))
+        noisy = poses.copy()
+        noisy[:, :3, :3] = poses[:, :3, :3] @ turn.as_matrix()
+        noisy[:, :3, 3] += rng.normal(0.0, config.extrinsic_noise_m, (num, 3))
+        return noisy

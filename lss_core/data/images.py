@@ -1,0 +1,124 @@
+"""Image files to network input, together with the pixel map that was applied."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from lss_core.camera import crop_map, flip_map, resize_map, rotate_map
+from lss_core.config import ImageConfig
+from lss_core.errors import DataError
+from lss_core.geometry import FloatArray
+
+# Fixed here because resampling filters change accuracy between library versions.
+_FILTER = Image.Resampling.BILINEAR
+
+
+@dataclass(frozen=True)
+class PixelMap:
+    """What is done to one image on its way into the network.
+
+    Attributes:
+        resized_hw: Size of the whole image after resizing.
+        left_px: Column of the resized image that becomes column 0; negative pads.
+        top_px: Row of the resized image that becomes row 0; negative pads.
+        flip: Whether it is mirrored then.
+        rotate_rad: Turn about the centre after that, counter-clockwise.
+        image_hw: Size of the result.
+        raw_hw: Size of the image on disk.
+    """
+
+    resized_hw: tuple[int, int]
+    left_px: int
+    top_px: int
+    flip: bool
+    rotate_rad: float
+    image_hw: tuple[int, int]
+    raw_hw: tuple[int, int]
+
+    @property
+    def pixel_from_rawpixel(self) -> FloatArray:
+        """[3, 3] where a pixel of the file ends up."""
+        scale_y, scale_x = (
+            new / old for new, old in zip(self.resized_hw, self.raw_hw, strict=True)
+        )
+        matrix = crop_map(self.left_px, self.top_px) @ resize_map(scale_x, scale_y)
+        if self.flip:
+            matrix = flip_map(self.image_hw[1]) @ matrix
+        if self.rotate_rad:
+            matrix = rotate_map(self.rotate_rad, self.image_hw) @ matrix
+        return matrix
+
+
+def draw_pixel_map(
+    config: ImageConfig, raw_hw: tuple[int, int], rng: np.random.Generator | None
+) -> PixelMap:
+    """Choose resize, crop, flip and rotation; without `rng` the ones of evaluation.
+
+    Paper: section 4.1 (128 x 352 after resize and crop, calibration adjusted).
+    """
+    raw_h, raw_w = raw_hw
+    height, width = config.height_px, config.width_px
+    fit = max(width / raw_w, height / raw_h)
+    if rng is None:
+        factor, bottom, across, flip, angle = 1.0, sum(config.crop_bottom) / 2, 0.5, False, 0.0
+    else:
+        factor = rng.uniform(*config.resize)
+        bottom = rng.uniform(*config.crop_bottom)
+        across = rng.uniform()
+        flip = config.flip and bool(rng.integers(2))
+        angle = rng.uniform(-config.rotate_rad, config.rotate_rad)
+    resized = max(1, round(raw_h * fit * factor)), max(1, round(raw_w * fit * factor))
+    spare_w = resized[1] - width
+    # Where the image is narrower than the network's, both sides are padded alike.
+    left = round(across * spare_w) if spare_w > 0 else spare_w // 2
+    top = round((1.0 - bottom) * resized[0]) - height
+    return PixelMap(resized, left, top, flip, angle, (height, width), raw_hw)
+
+
+def open_image(path: Path) -> Image.Image:
+    """The image file, not yet decoded.
+
+    Raises:
+        DataError: If it is missing or no image.
+    """
+    try:
+        return Image.open(path)
+    except FileNotFoundError as error:
+        raise DataError(f"The image '{path}' is missing; is the data set complete?") from error
+    except OSError as error:
+        raise DataError(f"The image '{path}' cannot be read: {error}.") from error
+
+
+def load_image(path: Path, pixel_map: PixelMap) -> NDArray[np.uint8]:
+    """[H, W, 3] RGB after the pixel map; decoded at reduced scale where that loses nothing.
+
+    Raises:
+        DataError: If the file is missing, truncated, or not of the size the map was made for.
+    """
+    image = open_image(path)
+    raw_h, raw_w = pixel_map.raw_hw
+    if image.size != (raw_w, raw_h):
+        raise DataError(
+            f"The image '{path}' is {image.size[0]}x{image.size[1]} px, expected {raw_w}x{raw_h}."
+        )
+    resized_h, resized_w = pixel_map.resized_hw
+    image.draft("RGB", (resized_w, resized_h))
+    reduced = round(raw_w / image.size[0])  # a JPEG decodes at 1/1, 1/2, 1/4 or 1/8
+    try:
+        image = image.convert("RGB").resize(
+            (resized_w, resized_h), _FILTER, box=(0, 0, raw_w / reduced, raw_h / reduced)
+        )
+    except OSError as error:
+        raise DataError(f"The image '{path}' is damaged: {error}.") from error
+    height, width = pixel_map.image_hw
+    left, top = pixel_map.left_px, pixel_map.top_px
+    image = image.crop((left, top, left + width, top + height))
+    if pixel_map.flip:
+        image = image.transpose(Image.Transpose.FLIP_LEFT_RIGHT)
+    if pixel_map.rotate_rad:
+        image = image.rotate(math.degrees(pixel_map.rotate_rad), _FILTER)
+    return np.asarray(image)

@@ -1,0 +1,55 @@
+"""Which scenes belong to which split: nuScenes' own lists, or a `splits.json` beside the tables."""
+
+import json
+from pathlib import Path
+
+from nuscenes.utils.splits import create_splits_scenes
+
+from lss_core.errors import DataError
+
+# The devkit's lists are global; only these belong to each version.
+_SPLITS_OF_VERSION = {
+    "v1.0-trainval": ("train", "val", "train_detect", "train_track"),
+    "v1.0-mini": ("mini_train", "mini_val"),
+    "v1.0-test": ("test",),
+}
+_MINI_NAMES = {"train": "mini_train", "val": "mini_val"}
+
+
+def official_scenes(version: str, split: str) -> tuple[str, ...]:
+    """Names of the scenes of an official nuScenes split.
+
+    `train` and `val` of v1.0-mini mean `mini_train` and `mini_val`. Versions the devkit does not know
+    (as Lyft's) use the lists of v1.0-trainval.
+
+    Raises:
+        DataError: If the version has no such split.
+    """
+    if version == "v1.0-mini":
+        split = _MINI_NAMES.get(split, split)
+    known = _SPLITS_OF_VERSION.get(version, _SPLITS_OF_VERSION["v1.0-trainval"])
+    if split not in known:
+        raise DataError(f"Unknown split '{split}' of {version}; known are {', '.join(known)}.")
+    return tuple(create_splits_scenes()[split])
+
+
+def scenes_of_split(version_folder: Path, split: str) -> tuple[str, ...]:
+    """Names of the scenes of a split; a `splits.json` (name -> scene names) in the folder overrides.
+
+    Raises:
+        DataError: If the split is unknown or `splits.json` is not what it should be.
+    """
+    override = version_folder / "splits.json"
+    if not override.exists():
+        return official_scenes(version_folder.name, split)
+    try:
+        splits = json.loads(override.read_text(encoding="utf-8"))
+        names = splits[split]
+        return tuple(str(name) for name in names)
+    except KeyError as error:
+        known = ", ".join(sorted(splits))
+        raise DataError(f"Unknown split '{split}'; {override} knows {known}.") from error
+    except (ValueError, TypeError) as error:
+        raise DataError(
+            f"'{override}' must be a JSON object of split names and lists of scene names: {error}"
+        ) from error

@@ -1,0 +1,5 @@
+"""What a user can cause and mend: commands turn it into one sentence and exit status 2."""
+
+
+class DataError(Exception):
+    """A file, folder, table or setting is not what it should be; the message says what to do."""

@@ -1,0 +1,171 @@
+"""The camera model: images of a rig and its calibration in, a bird's-eye-view map out."""
+
+import torch
+from jaxtyping import Bool, Float, Shaped
+from torch import Tensor, nn
+
+from lss_core.batch import Batch
+from lss_core.bev_encoder import BevEncoder
+from lss_core.camera import frustum_points
+from lss_core.config import ModelConfig
+from lss_core.image_encoder import ImageEncoder
+from lss_core.splat import SplatCache, SplatIndex, build_splat_index, pool
+
+
+class CameraModel(nn.Module):
+    """Lift, splat, and encode the map.
+
+    Attributes:
+        cache: Splat indices of the calibrations seen last.
+
+    Paper: section 3.
+
+    Args:
+        config: Sizes and choices.
+        image_hw: Height and width of the images in pixels.
+        out_channels: Channels of the map.
+
+    Raises:
+        ValueError: If the images are not a whole number of feature cells.
+        DataError: If the backbone or its weights cannot be had.
+    """
+
+    def __init__(
+        self, config: ModelConfig, image_hw: tuple[int, int], out_channels: int = 1
+    ) -> None:
+        super().__init__()
+        if any(side % config.image_stride for side in image_hw):
+            raise ValueError(
+                f"Images of {image_hw[0]}x{image_hw[1]} px are not a whole number of feature "
+                f"cells; choose multiples of image_stride={config.image_stride}."
+            )
+        self.config = config
+        self.image_hw = image_hw
+        self.cache = SplatCache()
+        self.image_encoder = ImageEncoder(
+            backbone=config.backbone,
+            pretrained=config.pretrained,
+            num_depths=len(config.depth.depths_m),
+            context_channels=config.context_channels,
+            stride=config.image_stride,
+            neck_channels=config.neck_channels,
+        )
+        self.bev_encoder = BevEncoder(
+            in_channels=config.context_channels,
+            out_channels=out_channels,
+            stem_channels=config.stem_channels,
+            decoder_channels=config.decoder_channels,
+            head_init_std=config.head_init_std,
+        )
+
+    def forward(
+        self,
+        images: Shaped[Tensor, "B N 3 Hi Wi"],
+        pixel_from_camera: Float[Tensor, "B N 3 3"],
+        ego_from_camera: Float[Tensor, "B N 4 4"],
+        camera_mask: Bool[Tensor, "B N"] | None = None,
+    ) -> Float[Tensor, "B Cout X Y"]:
+        """The map on the grid's cells; any number of cameras.
+
+        Args:
+            images: RGB, uint8 in 0..255 or float in 0..1.
+            pixel_from_camera: Intrinsics with the augmentation folded in.
+            ego_from_camera: Camera poses.
+            camera_mask: False where a camera is not there; its image and calibration play no part.
+        """
+        if camera_mask is None:
+            camera_mask = images.new_ones(images.shape[:2], dtype=torch.bool)
+        bev = self.splat(images, pixel_from_camera, ego_from_camera, camera_mask)
+        output: Tensor = self.bev_encoder(bev)
+        return output
+
+    def forward_batch(self, batch: Batch) -> Float[Tensor, "B Cout X Y"]:
+        """The map of each sample of a batch."""
+        output: Tensor = self(
+            batch.images, batch.pixel_from_camera, batch.ego_from_camera, batch.camera_mask
+        )
+        return output
+
+    def splat(
+        self,
+        images: Shaped[Tensor, "B N 3 Hi Wi"],
+        pixel_from_camera: Float[Tensor, "B N 3 3"],
+        ego_from_camera: Float[Tensor, "B N 4 4"],
+        camera_mask: Bool[Tensor, "B N"],
+    ) -> Float[Tensor, "B C X Y"]:
+        """Context summed into the grid's cells, before the map's own network."""
+        context, depth_prob = self.encode_images(images, camera_mask)
+        indices = self.splat_indices(pixel_from_camera, ego_from_camera, camera_mask)
+        return pool(context, depth_prob, indices, self.config.grid)
+
+    def encode_images(
+        self, images: Shaped[Tensor, "B N 3 Hi Wi"], camera_mask: Bool[Tensor, "B N"]
+    ) -> tuple[Float[Tensor, "B N C H W"], Float[Tensor, "B N D H W"]]:
+        """Context and depth probabilities of each image; zeros for masked cameras.
+
+        Masked images do not pass the network, so they leave no trace in batch statistics either.
+        """
+        num_samples, num_cameras = images.shape[:2]
+        if tuple(images.shape[-2:]) != self.image_hw:
+            raise ValueError(
+                f"The model was made for images of {self.image_hw} px (height, width), got "
+                f"{tuple(images.shape[-2:])}."
+            )
+        present = camera_mask.flatten()
+        flat = images.flatten(0, 1)
+        everything = bool(present.all())
+        if not everything:
+            flat = flat[present]
+        if flat.dtype == torch.uint8:
+            flat = flat.float() / 255.0
+        flat = flat.contiguous(memory_format=torch.channels_last)
+        height, width = (side // self.config.image_stride for side in self.image_hw)
+        if len(flat):
+            context, depth_prob = self.image_encoder(flat)
+        else:
+            context = flat.new_zeros(0, self.config.context_channels, height, width)
+            depth_prob = flat.new_zeros(0, len(self.config.depth.depths_m), height, width)
+        if not everything:
+            context, depth_prob = _spread(context, present), _spread(depth_prob, present)
+        shape = (num_samples, num_cameras)
+        return context.unflatten(0, shape), depth_prob.unflatten(0, shape)
+
+    def splat_indices(
+        self,
+        pixel_from_camera: Float[Tensor, "B N 3 3"],
+        ego_from_camera: Float[Tensor, "B N 4 4"],
+        camera_mask: Bool[Tensor, "B N"],
+    ) -> list[SplatIndex]:
+        """The splat index of each sample, from the cache where its calibration is known."""
+        keys = self.cache.keys(pixel_from_camera, ego_from_camera, camera_mask)
+        found = [self.cache.get(key) for key in keys]
+        new = [b for b, index in enumerate(found) if index is None]
+        if new:
+            masked = ~camera_mask[new]
+            eye = torch.eye(4, dtype=pixel_from_camera.dtype, device=pixel_from_camera.device)
+            # A camera that is not there may have any calibration, even one that has no inverse.
+            points = frustum_points(
+                self.image_hw,
+                self.config.image_stride,
+                self.config.depth.depths_m,
+                torch.where(masked[..., None, None], eye[:3, :3], pixel_from_camera[new]),
+                ego_from_camera[new],
+                centers=self.config.frustum,
+            )
+            for b, points_ego in zip(new, points, strict=True):
+                index = build_splat_index(
+                    points_ego,
+                    self.config.grid,
+                    self.config.z_min_m,
+                    self.config.z_max_m,
+                    camera_mask[b],
+                )
+                self.cache.put(keys[b], index)
+                found[b] = index
+        return [index for index in found if index is not None]
+
+
+def _spread(values: Float[Tensor, "P ..."], present: Bool[Tensor, "M"]) -> Float[Tensor, "M ..."]:
+    """Rows put back where `present`, zeros elsewhere."""
+    result = values.new_zeros(len(present), *values.shape[1:])
+    return result.masked_scatter(present.view(-1, *[1] * (values.ndim - 1)), values)

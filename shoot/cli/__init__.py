@@ -1,0 +1,1 @@
+"""The commands: each parses a config, calls one function and reports."""

@@ -1,0 +1,165 @@
+"""What each command can be told, as frozen dataclasses, and the named presets of training."""
+
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import yaml
+from pydantic import ConfigDict, TypeAdapter, ValidationError
+
+from lss_core.config import DataConfig, DepthBins, ImageConfig, ModelConfig
+from lss_core.errors import DataError
+from lss_core.files import write_atomically
+from lss_core.grid import BevGrid
+from shoot.planner import PlannerConfig
+
+Precision = Literal["32-true", "bf16-mixed", "16-mixed"]
+
+
+@dataclass(frozen=True)
+class OptimConfig:
+    """Optimisation; defaults are the paper's (section 5) where it speaks.
+
+    Attributes:
+        steps: Optimiser steps of the whole run.
+        batch_size: Samples a step, over all processes together.
+        learning_rate: Of Adam; the peak where a schedule is used.
+        weight_decay: Of Adam.
+        clip_norm: Gradients are scaled down to this norm (released code: 5.0).
+        warmup_steps: Steps over which the rate rises linearly.
+        schedule: `constant`, or `cosine` down to zero at the last step.
+    """
+
+    steps: int = 300_000
+    batch_size: int = 4
+    learning_rate: float = 1e-3
+    weight_decay: float = 1e-7
+    clip_norm: float = 5.0
+    warmup_steps: int = 0
+    schedule: Literal["constant", "cosine"] = "constant"
+
+    def __post_init__(self) -> None:
+        if self.steps < 1 or self.batch_size < 1:
+            raise ValueError("steps and batch_size must be at least 1.")
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """One training run.
+
+    Attributes:
+        templates: Template file, made by shoot-fit-templates.
+        out: Run folder.
+        data: Which data.
+        model: Network from images to cost map.
+        planner: How the cost map is read.
+        optim: Optimisation.
+        train_split: Scenes trained on.
+        val_split: Scenes validated on; it shares none with `train_split`.
+        val_every: Steps between validations; a checkpoint is written at each.
+        val_samples: Validate on this many samples, evenly spread; all of them if 0.
+        num_workers: Processes that load images.
+        accelerator: `cpu`, `gpu`, `mps`, or what is there (`auto`).
+        devices: Processes on this machine (under torchrun, its own count wins).
+        num_nodes: Machines.
+        precision: Of the convolutions; geometry, splat and scores stay float32.
+        seed: Of everything random.
+        resume: Go on from the run's last checkpoint.
+    """
+
+    templates: str
+    out: str
+    data: DataConfig = field(default_factory=DataConfig)
+    model: ModelConfig = field(default_factory=ModelConfig)
+    planner: PlannerConfig = field(default_factory=PlannerConfig)
+    optim: OptimConfig = field(default_factory=OptimConfig)
+    train_split: str = "train"
+    val_split: str = "val"
+    val_every: int = 1000
+    val_samples: int = 0
+    num_workers: int = 4
+    accelerator: str = "auto"
+    devices: int = 1
+    num_nodes: int = 1
+    precision: Precision = "32-true"
+    seed: int = 0
+    resume: bool = False
+
+    def __post_init__(self) -> None:
+        if self.val_every < 1 or self.devices < 1:
+            raise ValueError("val_every and devices must be at least 1.")
+
+    def save(self, path: Path) -> None:
+        """Write it as YAML."""
+        with write_atomically(path) as stream:
+            stream.write(yaml.safe_dump(_plain(asdict(self)), sort_keys=False).encode())
+
+    @staticmethod
+    def load(path: Path) -> "TrainConfig":
+        """Read it from YAML.
+
+        Raises:
+            DataError: If the file is missing or does not fit.
+        """
+        if not path.is_file():
+            raise DataError(f"'{path.parent}' is no run folder: it has no {path.name}.")
+        try:
+            loaded = yaml.safe_load(path.read_text(encoding="utf-8"))
+            return TypeAdapter(TrainConfig).validate_python(loaded)
+        except (ValidationError, yaml.YAMLError, UnicodeDecodeError) as error:
+            raise DataError(f"'{path}' is no training config: {error}") from error
+
+
+def _plain(value: Any) -> Any:
+    """Lists for tuples: YAML has no others."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
+
+
+_CPU_IMAGE = ImageConfig(
+    height_px=64,
+    width_px=176,
+    resize=(1.0, 1.0),
+    crop_bottom=(0.11, 0.11),
+    rotate_rad=0.0,
+    flip=False,
+)
+_CPU_MODEL = ModelConfig(
+    backbone="plain-24-48-96",
+    pretrained="none",
+    context_channels=32,
+    image_stride=8,
+    neck_channels=64,
+    stem_channels=32,
+    depth=DepthBins(min_m=4.0, max_m=46.0, step_m=2.0),
+    grid=BevGrid(x_min_m=-10.0, x_max_m=70.0, y_min_m=-40.0, y_max_m=40.0, cell_m=1.0),
+)
+
+PAPER = TrainConfig(templates="templates.npz", out="runs/paper")
+SMALL = TrainConfig(
+    templates="templates.npz",
+    out="runs/small",
+    data=DataConfig(image=_CPU_IMAGE),
+    model=_CPU_MODEL,
+    optim=OptimConfig(
+        steps=2500, batch_size=8, learning_rate=2e-3, warmup_steps=100, schedule="cosine"
+    ),
+    val_every=250,
+    val_samples=400,
+    num_workers=1,
+    accelerator="cpu",
+)
+DEMO = replace(
+    SMALL,
+    out="runs/demo",
+    optim=replace(SMALL.optim, steps=700, warmup_steps=50),
+    val_every=175,
+    val_samples=200,
+)
+
+PRESETS: dict[str, tuple[str, TrainConfig]] = {
+    "demo": ("Minutes on a laptop's CPU, on the synthetic world.", DEMO),
+    "small": ("The preset of our reported results: 20 minutes on two cores.", SMALL),
+    "paper": ("The paper's sizes: EfficientNet-B0, 128x352, 200x200 cells, 300k steps.", PAPER),
+}

@@ -1,0 +1,252 @@
+"""Samples with what the driver did next: Batch plus future and template label, and their loaders."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytorch_lightning as pl
+import torch
+from jaxtyping import Float, Int
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.utils.data import DataLoader, Dataset, Sampler
+
+from lss_core.batch import Batch, collate
+from lss_core.config import DataConfig
+from lss_core.data.dataset import CameraDataset, usable_rows
+from lss_core.data.samples import SampleIndex, load_index, rows_of_split
+from lss_core.errors import DataError
+from shoot.config import TrainConfig
+from shoot.templates import TemplateSet
+from shoot.trajectories import Futures, mine_futures
+
+
+@dataclass(frozen=True)
+class PlanBatch:
+    """What a planner sees, and what the driver did.
+
+    Attributes:
+        sensors: Images and calibration; nothing in it knows the future.
+        future: Driven positions in `ego`, metres.
+        template_idx: The template nearest to `future`.
+    """
+
+    sensors: Batch
+    future: Float[Tensor, "*B T 2"]
+    template_idx: Int[Tensor, "*B"]
+
+    def to(self, device: torch.device | str, non_blocking: bool = False) -> "PlanBatch":
+        """The same on another device."""
+        return PlanBatch(
+            self.sensors.to(device, non_blocking),
+            self.future.to(device, non_blocking=non_blocking),
+            self.template_idx.to(device, non_blocking=non_blocking),
+        )
+
+    def pin_memory(self) -> "PlanBatch":
+        """The same in page-locked memory."""
+        return PlanBatch(
+            self.sensors.pin_memory(), self.future.pin_memory(), self.template_idx.pin_memory()
+        )
+
+
+def collate_plans(samples: Sequence[PlanBatch]) -> PlanBatch:
+    """Stack single samples into one batch."""
+    return PlanBatch(
+        collate([sample.sensors for sample in samples]),
+        torch.stack([sample.future for sample in samples]),
+        torch.stack([sample.template_idx for sample in samples]),
+    )
+
+
+@dataclass(frozen=True)
+class LabelledSplit:
+    """The keyframes of a split that have five seconds of future and all their images.
+
+    Attributes:
+        index: Of the data set.
+        futures: Theirs; `futures.sample` are the rows.
+        labels: [S] nearest templates.
+    """
+
+    index: SampleIndex
+    futures: Futures
+    labels: NDArray[np.int64]
+
+    @property
+    def scene_names(self) -> NDArray[np.str_]:
+        """[S] name of each sample's scene."""
+        names: NDArray[np.str_] = self.index.scene_name[self.futures.scene]
+        return names
+
+
+def load_split(
+    data: DataConfig, split: str, templates: TemplateSet, need_images: bool = True
+) -> LabelledSplit:
+    """Mine and label the keyframes of a split.
+
+    Args:
+        data: Which data set.
+        split: Which scenes.
+        templates: To label with; of the mined horizon.
+        need_images: Look whether image files are there.
+
+    Raises:
+        DataError: If the split is unknown or empty, files are missing, or no sample has a whole future.
+    """
+    index = load_index(data.root, data.version, data.cameras)
+    rows = rows_of_split(index, data.root, data.version, split)
+    futures = mine_futures(index, rows, "keyframes")
+    if not len(futures.sample):
+        raise DataError(
+            f"No sample of split '{split}' in {Path(data.root) / data.version} has a whole future."
+        )
+    if need_images:
+        usable = usable_rows(index, Path(data.root), futures.sample, data.skip_missing)
+        futures = futures.select(np.isin(futures.sample, usable))
+    return LabelledSplit(index, futures, templates.nearest(futures.xy_m))
+
+
+class PlanningDataset(Dataset[PlanBatch]):
+    """Items are asked for as (position, draw), see `CameraDataset`."""
+
+    def __init__(self, split: LabelledSplit, data: DataConfig, seed: int) -> None:
+        self.split = split
+        self.cameras = CameraDataset(split.index, split.futures.sample, data, seed)
+
+    def __len__(self) -> int:
+        return len(self.cameras)
+
+    def __getitem__(self, item: tuple[int, int]) -> PlanBatch:
+        """One sample, without batch dimension."""
+        position = item[0]
+        return PlanBatch(
+            self.cameras[item],
+            torch.from_numpy(self.split.futures.xy_m[position]).float(),
+            torch.tensor(self.split.labels[position]),
+        )
+
+
+class StepSampler(Sampler[tuple[int, int]]):
+    """An endless shuffled stream of samples, cut into rounds of a fixed number of steps.
+
+    The stream passes over all samples in a new order each time. What step s of the run reads follows from
+    the seed and s alone: a resumed run, and any number of processes that share the global batch, read the
+    same as an undisturbed one.
+    """
+
+    def __init__(
+        self,
+        num_samples: int,
+        steps: int,
+        global_batch: int,
+        seed: int,
+        rank: int = 0,
+        world_size: int = 1,
+    ) -> None:
+        self.num_samples = num_samples
+        self.steps = steps
+        self.global_batch = global_batch
+        self.seed = seed
+        self.rank = rank
+        self.world_size = world_size
+        self.round = 0
+
+    def set_epoch(self, epoch: int) -> None:
+        """Lightning says which round comes next."""
+        self.round = epoch
+
+    def __len__(self) -> int:
+        return self.steps * self.global_batch // self.world_size
+
+    def __iter__(self) -> Iterator[tuple[int, int]]:
+        first = self.round * self.steps * self.global_batch
+        order, order_of = np.zeros(0, dtype=np.int64), -1
+        for draw in range(
+            first + self.rank, first + self.steps * self.global_batch, self.world_size
+        ):
+            passes, place = divmod(draw, self.num_samples)
+            if passes != order_of:
+                rng = np.random.default_rng((self.seed, passes))
+                order, order_of = rng.permutation(self.num_samples), passes
+            yield int(order[place]), draw
+
+
+class ShareSampler(Sampler[tuple[int, int]]):
+    """Every `world_size`-th of the positions, in order, none twice: shares may differ by one."""
+
+    def __init__(self, positions: NDArray[np.int64], rank: int = 0, world_size: int = 1) -> None:
+        self.positions = positions[rank::world_size]
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    def __iter__(self) -> Iterator[tuple[int, int]]:
+        return ((int(position), -1) for position in self.positions)
+
+
+class PlanningData(pl.LightningDataModule):
+    """Loaders of a training run.
+
+    Raises:
+        DataError: If the data is not as it should be, or training and validation share a scene.
+    """
+
+    def __init__(self, config: TrainConfig, templates: TemplateSet) -> None:
+        super().__init__()
+        self.config = config
+        self.train_split = load_split(config.data, config.train_split, templates)
+        self.val_split = load_split(config.data, config.val_split, templates)
+        shared = set(self.train_split.scene_names) & set(self.val_split.scene_names)
+        if shared:
+            raise DataError(
+                f"Splits '{config.train_split}' and '{config.val_split}' share {len(shared)} scenes "
+                f"('{min(shared)}' is one); a result on them would be worth nothing."
+            )
+
+    def train_dataloader(self) -> DataLoader[PlanBatch]:
+        """Batches of one round of `val_every` steps."""
+        config = self.config
+        rank, world = self._share()
+        if config.optim.batch_size % world:
+            raise DataError(
+                f"A batch of {config.optim.batch_size} cannot be shared by {world} processes; choose "
+                "--optim.batch-size as a multiple of them."
+            )
+        sampler = StepSampler(
+            len(self.train_split.labels),
+            config.val_every,
+            config.optim.batch_size,
+            config.seed,
+            rank,
+            world,
+        )
+        return self._loader(self.train_split, sampler, config.optim.batch_size // world)
+
+    def val_dataloader(self) -> DataLoader[PlanBatch]:
+        """The validation samples, or `val_samples` of them evenly spread."""
+        config = self.config
+        num = len(self.val_split.labels)
+        wanted = min(config.val_samples or num, num)
+        positions = np.linspace(0, num - 1, wanted).round().astype(np.int64)
+        rank, world = self._share()
+        sampler = ShareSampler(positions, rank, world)
+        return self._loader(self.val_split, sampler, max(1, config.optim.batch_size // world))
+
+    def _share(self) -> tuple[int, int]:
+        return (self.trainer.global_rank, self.trainer.world_size) if self.trainer else (0, 1)
+
+    def _loader(
+        self, split: LabelledSplit, sampler: Sampler[tuple[int, int]], batch_size: int
+    ) -> DataLoader[PlanBatch]:
+        workers = self.config.num_workers
+        return DataLoader(
+            PlanningDataset(split, self.config.data, self.config.seed),
+            batch_size=batch_size,
+            sampler=sampler,
+            num_workers=workers,
+            collate_fn=collate_plans,
+            pin_memory=torch.cuda.is_available(),
+            persistent_workers=workers > 0,
+        )

@@ -1,0 +1,170 @@
+"""How good ranked templates are: whether the label is near the top, and how many metres off."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+from torchmetrics import Metric
+
+Array = npt.NDArray[Any]
+
+TOP_KS = (1, 5, 10, 20)
+MISS_M = 2.0
+
+# Rows sorted at once: keeps the sort's 8-byte indices for K = 1000 below 10 MB.
+_ROWS = 1024
+
+
+@dataclass(frozen=True)
+class TemplateErrors:
+    """Distances from a driven path to its templates, best-ranked first.
+
+    Attributes:
+        mean_m: Mean distance over the T points (average displacement error).
+        final_m: Distance at the last point (final displacement error).
+        max_m: Largest distance over the T points.
+    """
+
+    mean_m: Float[Array, "S J"]
+    final_m: Float[Array, "S J"]
+    max_m: Float[Array, "S J"]
+
+
+def ranks(log_prob: Float[Array, "S K"], label: Int[Array, " S"]) -> Int[Array, " S"]:
+    """Number of templates ranked before the label; 0 is best.
+
+    Equal log-probabilities rank by template index, so that the result does not depend on a sort.
+    A value that is not a number counts against the model: if it is the label's own, the rank is K.
+
+    Args:
+        log_prob: Any monotone score per template; high is good.
+        label: Index of the template nearest to the driven path.
+    """
+    num_templates = log_prob.shape[1]
+    at_label = np.take_along_axis(log_prob, label[:, None], axis=1)
+    not_before = np.arange(num_templates) >= label[:, None]
+    behind = (log_prob < at_label) | ((log_prob == at_label) & not_before)
+    rank: Array = num_templates - behind.sum(axis=1)
+    return rank
+
+
+def top_templates(log_prob: Float[Array, "S K"], k: int) -> Int[Array, "S J"]:
+    """Indices of the k most probable templates, best first; ties by template index, as in `ranks`.
+
+    Args:
+        log_prob: Any monotone score per template; high is good.
+        k: Number wanted; with fewer templates all of them are returned (J = min(k, K)).
+
+    Raises:
+        ValueError: If `k` is below 1.
+    """
+    if k < 1:
+        raise ValueError(f"The number of best-ranked templates must be at least 1, got {k}.")
+    best = np.empty((len(log_prob), min(k, log_prob.shape[1])), dtype=np.int64)
+    for start in range(0, len(log_prob), _ROWS):
+        rows = slice(start, start + _ROWS)
+        best[rows] = np.argsort(-log_prob[rows], axis=1, kind="stable")[:, :k]
+    return best
+
+
+def negative_log_likelihood(
+    log_prob: Float[Array, "S K"], label: Int[Array, " S"]
+) -> Float[Array, " S"]:
+    """Minus the label's log-probability, in nats."""
+    nll: Array = -np.take_along_axis(log_prob, label[:, None], axis=1)[:, 0].astype(np.float64)
+    return nll
+
+
+def template_errors(
+    templates: Float[Array, "K T 2"],
+    futures: Float[Array, "S T 2"],
+    best: Int[Array, "S J"],
+) -> TemplateErrors:
+    """Distances from each driven path to the templates chosen for it.
+
+    Only the J chosen templates are gathered, never all K of them.
+
+    Args:
+        templates: Points (x, y) in metres in `ego`.
+        futures: Driven paths at the same times, in metres in `ego`.
+        best: Templates of each sample, best-ranked first, as `top_templates` gives them.
+    """
+    distance_m = np.linalg.norm(templates[best] - futures[:, None], axis=-1)
+    return TemplateErrors(distance_m.mean(-1), distance_m[..., -1], distance_m.max(-1))
+
+
+def min_ade(errors: TemplateErrors, k: int) -> Float[Array, " S"]:
+    """Smallest average displacement error among the k best-ranked templates, in metres."""
+    ade_m: Array = errors.mean_m[:, :k].min(axis=1)
+    return ade_m
+
+
+def min_fde(errors: TemplateErrors, k: int) -> Float[Array, " S"]:
+    """Smallest final displacement error among the k best-ranked templates, in metres."""
+    fde_m: Array = errors.final_m[:, :k].min(axis=1)
+    return fde_m
+
+
+def misses(errors: TemplateErrors, k: int, miss_m: float = MISS_M) -> Float[Array, " S"]:
+    """1 where each of the k best-ranked templates is somewhere at least `miss_m` off, else 0.
+
+    This is the rule of nuScenes' prediction challenge (largest distance over the path), not
+    Argoverse's (distance at its end).
+    """
+    missed: Array = (errors.max_m[:, :k].min(axis=1) >= miss_m).astype(np.float64)
+    return missed
+
+
+class PlanningMetrics(Metric):
+    """Running top-k accuracy and NLL over batches, the same on one process or many.
+
+    States are sums, so batches of any size and processes with different numbers of batches weigh
+    each sample once. A sampler that repeats samples to even out its processes does not.
+
+    Args:
+        ks: The k of each top-k accuracy.
+    """
+
+    full_state_update = False
+    higher_is_better = None
+    is_differentiable = False
+
+    hits: Tensor
+    nll_sum: Tensor
+    num_samples: Tensor
+
+    def __init__(self, ks: Sequence[int] = TOP_KS) -> None:
+        super().__init__()
+        self.ks = tuple(ks)
+        self.add_state("hits", torch.zeros(len(self.ks), dtype=torch.long), dist_reduce_fx="sum")
+        self.add_state("nll_sum", torch.zeros((), dtype=torch.float64), dist_reduce_fx="sum")
+        self.add_state("num_samples", torch.zeros((), dtype=torch.long), dist_reduce_fx="sum")
+
+    def update(self, log_prob: Float[Tensor, "B K"], label: Int[Tensor, " B"]) -> None:
+        """Add a batch.
+
+        Args:
+            log_prob: Log-probability of each template, in nats.
+            label: Index of the template nearest to the driven path.
+        """
+        log_prob = log_prob.detach()
+        at_label = log_prob.gather(1, label[:, None])
+        index = torch.arange(log_prob.shape[1], device=log_prob.device)
+        # Counting those behind, not those before, keeps a diverged (NaN) model from ranking first.
+        behind = (log_prob < at_label) | ((log_prob == at_label) & (index >= label[:, None]))
+        rank = log_prob.shape[1] - behind.sum(dim=1)
+        within = torch.tensor(self.ks, device=rank.device)
+        self.hits += (rank[:, None] < within).sum(dim=0)
+        self.nll_sum -= at_label.to(self.nll_sum.dtype).sum()
+        self.num_samples += len(label)
+
+    def compute(self) -> dict[str, float]:
+        """Accuracies in per cent (`top1`, ...), `nll` in nats, over all samples; NaN before any."""
+        percent = 100.0 * self.hits.double() / self.num_samples
+        values = {f"top{k}": float(value) for k, value in zip(self.ks, percent, strict=True)}
+        return {**values, "nll": float(self.nll_sum / self.num_samples)}

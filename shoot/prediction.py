@@ -1,0 +1,118 @@
+"""Run a trained planner over samples: checkpoint and data in, probabilities and cost maps out."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from rich.progress import track
+from torch.utils.data import DataLoader
+
+from lss_core.errors import DataError
+from shoot.config import TrainConfig
+from shoot.datamodule import LabelledSplit, PlanBatch, PlanningDataset, collate_plans
+from shoot.run_folder import RunFolder
+from shoot.templates import TemplateSet
+from shoot.training import PlanningModule, check_templates
+
+
+@dataclass(frozen=True)
+class TrainedRun:
+    """A run ready to predict.
+
+    Attributes:
+        config: What it was told, with the data it is to read now.
+        templates: What it chooses from.
+        module: In evaluation mode.
+    """
+
+    config: TrainConfig
+    templates: TemplateSet
+    module: PlanningModule
+
+    @property
+    def device(self) -> torch.device:
+        """Where the module is."""
+        return self.module.device
+
+
+def open_run(
+    folder: str | Path,
+    checkpoint: str = "last",
+    root: str | None = None,
+    version: str | None = None,
+    templates: str | None = None,
+    skip_missing: bool = False,
+) -> TrainedRun:
+    """Load a run's config, templates and weights.
+
+    Args:
+        folder: Run folder.
+        checkpoint: `last`, or `best` by validation top-10.
+        root: Data root, if not the one it was trained on.
+        version: Version, if not the one it was trained on.
+        templates: Template file, if not the run's own copy; must be the same templates.
+        skip_missing: Leave out samples whose files are absent.
+
+    Raises:
+        DataError: If something is missing or does not fit together.
+    """
+    run = RunFolder(Path(folder))
+    config = run.config()
+    data = replace(
+        config.data,
+        root=root or config.data.root,
+        version=version or config.data.version,
+        skip_missing=skip_missing or config.data.skip_missing,
+    )
+    # The weights come from the checkpoint.
+    model = replace(config.model, pretrained="none")
+    config = replace(config, data=data, model=model)
+    template_set = TemplateSet.load(templates) if templates else run.templates()
+    state = run.checkpoint(checkpoint)
+    check_templates(state, template_set.sha256, f"'{run.folder}'")
+    module = PlanningModule(config, template_set)
+    try:
+        module.load_state_dict(state["state_dict"])
+    except (RuntimeError, KeyError) as error:
+        raise DataError(
+            f"The weights in '{run.folder}' do not fit its config.yaml: {str(error)[:200]}"
+        ) from error
+    device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    return TrainedRun(config, template_set, module.eval().to(device))
+
+
+def batches(
+    run: TrainedRun, split: LabelledSplit, positions: NDArray[np.int64]
+) -> Iterator[PlanBatch]:
+    """Batches of the samples at the given positions, in order, without augmentation."""
+    loader = DataLoader(
+        PlanningDataset(split, run.config.data, run.config.seed),
+        batch_size=max(8, run.config.optim.batch_size),
+        sampler=[(int(position), -1) for position in positions],
+        num_workers=run.config.num_workers,
+        collate_fn=collate_plans,
+    )
+    for batch in loader:
+        yield batch.to(run.device)
+
+
+@torch.no_grad()
+def predict(
+    run: TrainedRun, split: LabelledSplit, show_progress: bool = True
+) -> NDArray[np.float32]:
+    """[S, K] log-probabilities of the templates for every sample of a split."""
+    positions = np.arange(len(split.labels))
+    size = max(8, run.config.optim.batch_size)
+    parts = [
+        run.module(batch.sensors).log_softmax(dim=-1).float().cpu().numpy()
+        for batch in track(
+            batches(run, split, positions),
+            description="Predicting",
+            total=-(-len(positions) // size),
+            disable=not show_progress,
+        )
+    ]
+    return np.concatenate(parts)

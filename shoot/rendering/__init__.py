@@ -1,0 +1,8 @@
+"""Pictures of what the planner sees and decides: arrays in, matplotlib figure out."""
+
+from shoot.rendering.sample_figure import render_sample
+from shoot.rendering.sample_view import SampleView
+from shoot.rendering.saving import save_figure
+from shoot.rendering.template_figure import render_templates
+
+__all__ = ["SampleView", "render_sample", "render_templates", "save_figure"]

@@ -1,0 +1,210 @@
+"""One sample in one picture: what the cameras see, what the map costs, what is planned and driven.
+
+Paper: figure 11 (ten best-ranked trajectories), with the camera images beside the map.
+"""
+
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from lss_core.config import CAMERAS
+from shoot.rendering import palette
+from shoot.rendering.bev_panel import (
+    Extent,
+    all_paths,
+    close_extent,
+    draw_bev,
+    frame_close_up,
+    whole_extent,
+)
+from shoot.rendering.camera_panel import LIDAR_DEPTH_M, draw_camera
+from shoot.rendering.line_style import driven_style
+from shoot.rendering.rank_panel import describe_driven, draw_ranks
+from shoot.rendering.sample_view import Ranking, SampleView, rank
+
+WIDTH_IN = 12.0
+EDGE_IN = 0.15
+GAP_IN = 0.06
+MAP_IN = 4.7
+CLOSE_IN = 2.3
+
+
+class _Page:
+    """Places axes by inches from the upper left corner."""
+
+    def __init__(self, width_in: float, height_in: float) -> None:
+        self.width_in, self.height_in = width_in, height_in
+        self.figure = Figure(figsize=(width_in, height_in), facecolor=palette.PAPER)
+
+    def axes(self, left_in: float, top_in: float, width_in: float, height_in: float) -> Axes:
+        bottom_in = self.height_in - top_in - height_in
+        return self.figure.add_axes(
+            (
+                left_in / self.width_in,
+                bottom_in / self.height_in,
+                width_in / self.width_in,
+                height_in / self.height_in,
+            )
+        )
+
+    def text(self, left_in: float, top_in: float, text: str, **style: Any) -> None:
+        self.figure.text(
+            left_in / self.width_in, 1.0 - top_in / self.height_in, text, va="top", **style
+        )
+
+
+def camera_places(names: tuple[str, ...]) -> tuple[list[tuple[int, int]], int, int]:
+    """(row, column) of each camera, and the numbers of rows and columns.
+
+    Cameras of nuScenes stand where they look: front row above, back row below, left on the left.
+    Other rigs are filled in row by row.
+    """
+    if len(set(names)) == len(names) and set(names) <= set(CAMERAS):
+        places = [divmod(CAMERAS.index(name), 3) for name in names]
+        used = sorted({row for row, _ in places})
+        return [(used.index(row), column) for row, column in places], len(used), 3
+    columns = min(max(len(names), 1), 3 if len(names) <= 6 else 4)
+    rows = -(-len(names) // columns)
+    return [divmod(idx, columns) for idx in range(len(names))], rows, columns
+
+
+def render_sample(view: SampleView) -> Figure:
+    """Picture of one sample: camera images on top, the map and the ranking below.
+
+    In the images the planned and the driven paths lie on the ground plane (z = 0 in `ego`); on the
+    map forward is up and left is left. Save it with `save_figure`.
+    """
+    ranking = rank(view)
+    places, rows, columns = camera_places(view.camera_names)
+    image_height, image_width = view.images.shape[1:3]
+    cell_width_in = (WIDTH_IN - 2 * EDGE_IN - (columns - 1) * GAP_IN) / columns
+    cell_height_in = cell_width_in * image_height / image_width
+    head_in = 0.45 if view.title or view.caption else EDGE_IN
+    cameras_in = rows * (cell_height_in + GAP_IN)
+    map_top_in = head_in + cameras_in + 0.12
+    page = _Page(WIDTH_IN, map_top_in + MAP_IN + 0.88)
+    if view.title:
+        page.text(EDGE_IN, 0.12, view.title, fontsize=14, fontweight="bold", color=palette.INK)
+    if view.caption:
+        page.text(
+            WIDTH_IN - EDGE_IN, 0.15, view.caption, fontsize=11, ha="right", color=palette.SOFT_INK
+        )
+    for idx, (row, column) in enumerate(places):
+        axes = page.axes(
+            EDGE_IN + column * (cell_width_in + GAP_IN),
+            head_in + row * (cell_height_in + GAP_IN),
+            cell_width_in,
+            cell_height_in,
+        )
+        label = view.camera_names[idx].removeprefix("CAM_").replace("_", " ").lower()
+        draw_camera(axes, view, idx, ranking, label)
+
+    paths_m = all_paths(view, ranking)
+    whole = whole_extent(view.grid, paths_m)
+    map_axes = page.axes(0.72, map_top_in, MAP_IN, MAP_IN)
+    map_axes.set_anchor("N")
+    cost_image = draw_bev(map_axes, view, ranking, whole)
+    map_axes.set_xlabel("y: left (m)", fontsize=10.5)
+    map_axes.set_ylabel("x: forward (m)", fontsize=10.5)
+    side_in = 0.72 + MAP_IN + 0.12
+    if cost_image is not None:
+        _draw_cost_bar(page.axes(side_in, map_top_in + 0.42, 0.16, MAP_IN - 0.84), cost_image)
+        side_in += 0.62
+    side_in += 0.42
+    if paths_m:
+        close = close_extent(paths_m, CLOSE_IN / MAP_IN)
+        close_axes = page.axes(side_in, map_top_in, CLOSE_IN, MAP_IN)
+        draw_bev(close_axes, view, ranking, close, scale_m=5.0)
+        close_axes.set_xlabel("close-up: y (m)", fontsize=10.5)
+        frame_close_up(map_axes, close)
+        side_in += CLOSE_IN + 0.42
+    side_width_in = WIDTH_IN - EDGE_IN - side_in
+    top_in = map_top_in
+    if ranking is not None:
+        bars_in = 0.29 * len(ranking.probabilities) + 0.1
+        draw_ranks(page.axes(side_in, top_in + 0.46, side_width_in, bars_in), ranking)
+        top_in += bars_in + 0.6
+        sentence = describe_driven(ranking)
+        if sentence is not None:
+            page.text(side_in, top_in, sentence, fontsize=10, color=palette.INK, linespacing=1.4)
+            top_in += 0.95
+    if view.lidar_points_ego is not None:
+        depth_width_in = min(side_width_in - 0.1, 3.5)
+        _draw_depth_bar(page.axes(side_in, top_in + 0.02, depth_width_in, 0.14))
+    _draw_legend(page.figure, view, ranking, whole)
+    return page.figure
+
+
+def _draw_cost_bar(axes: Axes, cost_image: AxesImage) -> None:
+    """Colour bar of the cost map, its ends in words."""
+    bar = axes.figure.colorbar(cost_image, cax=axes)
+    bar.ax.tick_params(labelsize=10, length=3)
+    bar.outline.set_linewidth(0.6)
+    axes.set_title("high\ncost", fontsize=10.5, pad=6)
+    axes.set_xlabel("low\ncost", fontsize=10.5, labelpad=6)
+
+
+def _draw_depth_bar(axes: Axes) -> None:
+    """Colour bar of the lidar points in the images."""
+    depth = ScalarMappable(LogNorm(*LIDAR_DEPTH_M), palette.DEPTH)
+    bar = axes.figure.colorbar(depth, cax=axes, orientation="horizontal")
+    ticks_m = [3, 5, 10, 20, 40, 60]
+    bar.set_ticks(ticks_m, labels=[str(tick) for tick in ticks_m])
+    bar.ax.minorticks_off()
+    bar.ax.tick_params(labelsize=10, length=3)
+    bar.outline.set_linewidth(0.6)
+    bar.set_label("lidar points in the images: depth (m)", fontsize=10.5)
+
+
+def _draw_legend(figure: Figure, view: SampleView, ranking: Ranking | None, whole: Extent) -> None:
+    """One line below everything: what each kind of mark means."""
+    handles: list[Line2D | Patch] = []
+    if ranking is not None:
+        handles.append(
+            Line2D(
+                [],
+                [],
+                color=palette.PROBABILITY(1.0),
+                linewidth=3.0,
+                marker="o",
+                markersize=6,
+                markeredgecolor=palette.PAPER,
+                label="planned (darker: more probable)",
+            )
+        )
+    if view.driven is not None:
+        style = driven_style(2.4)
+        style.pop("path_effects")
+        handles.append(
+            Line2D(
+                [],
+                [],
+                marker="D",
+                markersize=4.5,
+                markeredgecolor=palette.PAPER,
+                label=f"driven, {len(view.driven) * view.dt_s:g} s (a mark each second)",
+                **style,
+            )
+        )
+    handles.append(Patch(facecolor=palette.EGO, label="ego vehicle"))
+    grid = view.grid
+    if whole != Extent(grid.x_min_m, grid.x_max_m, grid.y_min_m, grid.y_max_m):
+        handles.append(
+            Patch(facecolor=palette.OFF_MAP, edgecolor=palette.SOFT_INK, label="off the map")
+        )
+    figure.legend(
+        handles=handles,
+        loc="lower center",
+        ncols=len(handles),
+        frameon=False,
+        fontsize=11,
+        handlelength=3.0,
+        columnspacing=2.2,
+        borderaxespad=0.2,
+    )

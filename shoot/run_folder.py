@@ -1,0 +1,152 @@
+"""A run folder: config, templates, versions and checkpoints of one training run."""
+
+import json
+import platform
+import subprocess
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from lss_core.errors import DataError
+from lss_core.files import write_atomically
+from shoot.config import TrainConfig
+from shoot.templates import TemplateSet
+
+LAST, BEST = "last.ckpt", "best.ckpt"
+_LIBRARIES = ("torch", "pytorch-lightning", "timm", "numpy", "nuscenes-devkit", "shoot")
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """Where things of a run are.
+
+    Attributes:
+        folder: The run folder.
+    """
+
+    folder: Path
+
+    @property
+    def config_file(self) -> Path:
+        """What the run was told."""
+        return self.folder / "config.yaml"
+
+    @property
+    def templates_file(self) -> Path:
+        """The run's own copy of its templates."""
+        return self.folder / "templates.npz"
+
+    @property
+    def checkpoints(self) -> Path:
+        """Folder of `last.ckpt` and `best.ckpt`."""
+        return self.folder / "checkpoints"
+
+    def begin(self, config: TrainConfig, templates: TemplateSet) -> Path | None:
+        """Write what the run is; returns the checkpoint to resume from, if any.
+
+        Raises:
+            DataError: If the folder holds a run already and `resume` is off, or on and the run was told
+                something else.
+        """
+        last = self.checkpoints / LAST
+        if self.config_file.exists():
+            if not config.resume and last.exists():
+                raise DataError(
+                    f"'{self.folder}' holds a run already; go on with --resume or choose another --out."
+                )
+            if config.resume:
+                self._check_same(config)
+                if self.templates_file.exists():
+                    own = TemplateSet.load(self.templates_file)
+                    if own.sha256 != templates.sha256:
+                        raise DataError(
+                            f"'{self.folder}' was trained with other templates than "
+                            f"'{config.templates}'; give it its own ones."
+                        )
+        try:
+            self.checkpoints.mkdir(parents=True, exist_ok=True)
+            templates.save(self.templates_file)
+            config.save(self.config_file)
+            with write_atomically(self.folder / "environment.json") as stream:
+                stream.write(json.dumps(_environment(), indent=2).encode())
+        except OSError as error:
+            raise DataError(
+                f"The run folder '{self.folder}' cannot be written: {error}."
+            ) from error
+        return last if config.resume and last.exists() else None
+
+    def config(self) -> TrainConfig:
+        """What the run was told.
+
+        Raises:
+            DataError: If this is no run folder.
+        """
+        return TrainConfig.load(self.config_file)
+
+    def templates(self) -> TemplateSet:
+        """The templates it was trained with.
+
+        Raises:
+            DataError: If they are missing.
+        """
+        return TemplateSet.load(self.templates_file)
+
+    def checkpoint(self, which: str) -> dict[str, Any]:
+        """A checkpoint, read without running code from it.
+
+        Args:
+            which: `last` or `best`.
+
+        Raises:
+            DataError: If there is none, or it is damaged.
+        """
+        path = self.checkpoints / f"{which}.ckpt"
+        if not path.is_file():
+            raise DataError(
+                f"There is no checkpoint '{path}'; has the run come to a validation yet?"
+            )
+        try:
+            loaded: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
+        except Exception as error:
+            raise DataError(f"'{path}' is not a readable checkpoint: {error}") from error
+        return loaded
+
+    def _check_same(self, config: TrainConfig) -> None:
+        """What may differ on resuming: where things are and how they are run, not what is computed."""
+        free = {
+            "templates": "",
+            "out": "",
+            "resume": False,
+            "num_workers": 0,
+            "accelerator": "",
+            "devices": 1,
+            "num_nodes": 1,
+        }
+        before, now = replace(self.config(), **free), replace(config, **free)  # type: ignore[arg-type]
+        before = replace(before, data=replace(before.data, root=""))
+        now = replace(now, data=replace(now.data, root=""))
+        if before != now:
+            differ = [n for n in vars(now) if getattr(now, n) != getattr(before, n)]
+            raise DataError(
+                f"'{self.folder}' was begun with other settings of {', '.join(differ)}; resume it with "
+                f"those in {self.config_file.name}."
+            )
+
+
+def _environment() -> dict[str, Any]:
+    commit = subprocess.run(
+        ["git", "rev-parse", "HEAD"],
+        cwd=Path(__file__).parent,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return {
+        "git": commit.stdout.strip() or None,
+        "python": platform.python_version(),
+        "machine": platform.platform(),
+        "libraries": {name: version(name) for name in _LIBRARIES},
+    }

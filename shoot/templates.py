@@ -1,0 +1,193 @@
+"""Templates: the K trajectories the planner chooses from, fitted by K-Means on recorded futures."""
+
+import hashlib
+import json
+import math
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.cluster import KMeans
+from sklearn.metrics import pairwise_distances_argmin
+
+from lss_core.errors import DataError
+from lss_core.files import write_atomically
+from lss_core.geometry import FloatArray
+from shoot.trajectories import DT_S
+
+FORMAT_VERSION = 1
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """How far futures are from their nearest template: mean over the points of the distance, in m.
+
+    Attributes:
+        mean_m: Mean over futures.
+        median_m: Median over futures.
+        p95_m: 95th percentile.
+        max_m: Worst.
+        count: Number of futures.
+    """
+
+    mean_m: float
+    median_m: float
+    p95_m: float
+    max_m: float
+    count: int
+
+
+@dataclass(frozen=True)
+class TemplateSet:
+    """K trajectories in the ego frame, with how they came to be.
+
+    Attributes:
+        points: [K, T, 2] float32 metres; x forward, y left; the first point is at `dt_s`.
+        dt_s: Time between points.
+        counts: [K] futures of the fit nearest to each.
+        card: Provenance, JSON values only.
+    """
+
+    points: NDArray[np.float32]
+    dt_s: float
+    counts: NDArray[np.int64]
+    card: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def sha256(self) -> str:
+        """Fingerprint of points and time step; a checkpoint carries it."""
+        digest = hashlib.sha256(np.ascontiguousarray(self.points, dtype="<f4").tobytes())
+        digest.update(f"{self.points.shape} {self.dt_s:.6f}".encode())
+        return digest.hexdigest()
+
+    @property
+    def horizon_s(self) -> float:
+        """Time of the last point."""
+        return self.points.shape[1] * self.dt_s
+
+    def nearest(self, futures: FloatArray) -> NDArray[np.int64]:
+        """[M] the template nearest in L2 (norm of all 2 T numbers) to each of [M, T, 2] futures.
+
+        Paper: section 3.3.
+
+        Raises:
+            DataError: If the futures have another number of points.
+        """
+        if futures.shape[1:] != self.points.shape[1:]:
+            raise DataError(
+                f"Templates have {self.points.shape[1]} points, futures {futures.shape[1]}; "
+                "fit templates for this horizon."
+            )
+        if not len(futures):
+            return np.zeros(0, dtype=np.int64)
+        flat = self.points.reshape(len(self.points), -1).astype(np.float64)
+        nearest: NDArray[np.int64] = pairwise_distances_argmin(
+            futures.reshape(len(futures), -1).astype(np.float64), flat
+        )
+        return nearest.astype(np.int64)
+
+    def coverage(self, futures: FloatArray) -> Coverage:
+        """Distances of [M, T, 2] futures to their nearest templates."""
+        nearest = self.points[self.nearest(futures)]
+        distance_m = np.linalg.norm(futures - nearest, axis=-1).mean(axis=-1)
+        return Coverage(
+            mean_m=float(distance_m.mean()),
+            median_m=float(np.median(distance_m)),
+            p95_m=float(np.quantile(distance_m, 0.95)),
+            max_m=float(distance_m.max()),
+            count=len(futures),
+        )
+
+    def save(self, path: str | Path) -> None:
+        """Write `path` (.npz, no pickle) and its card as JSON beside it; each appears whole or not at all."""
+        path = Path(path)
+        card = self.card | {"sha256": self.sha256, "format_version": FORMAT_VERSION}
+        text = json.dumps(card, indent=2, sort_keys=True)
+        with write_atomically(path) as stream:
+            np.savez_compressed(
+                stream,
+                templates=self.points.astype(np.float32),
+                dt_s=np.float64(self.dt_s),
+                counts=self.counts.astype(np.int64),
+                card=np.asarray(text),
+            )
+        with write_atomically(path.with_suffix(".json")) as stream:
+            stream.write((text + "\n").encode())
+
+    @staticmethod
+    def load(path: str | Path) -> "TemplateSet":
+        """Read a template file.
+
+        Raises:
+            DataError: If the file is missing, no template file, or of another format version.
+        """
+        path = Path(path)
+        if not path.is_file():
+            raise DataError(f"There is no template file '{path}'; shoot-fit-templates makes one.")
+        try:
+            with np.load(path, allow_pickle=False) as stored:
+                points, counts = stored["templates"], stored["counts"]
+                dt_s, card = float(stored["dt_s"]), json.loads(str(stored["card"]))
+        except (OSError, ValueError, KeyError, TypeError, BadZipFile) as error:
+            raise DataError(f"'{path}' is not a template file: {error}") from error
+        if not isinstance(card, dict) or card.get("format_version") != FORMAT_VERSION:
+            raise DataError(f"'{path}' is of another template format; fit it anew.")
+        valid = (
+            points.ndim == 3
+            and points.shape[0] > 0
+            and points.shape[1] > 0
+            and points.shape[2] == 2
+            and points.dtype == np.float32
+            and counts.shape == points.shape[:1]
+            and bool(np.isfinite(points).all())
+            and math.isfinite(dt_s)
+            and dt_s > 0.0
+        )
+        if not valid:
+            raise DataError(f"'{path}' holds no [K, T, 2] float32 templates; fit it anew.")
+        return TemplateSet(points=points, dt_s=dt_s, counts=counts, card=card)
+
+
+def fit_templates(futures: FloatArray, k: int, seed: int) -> TemplateSet:
+    """K-Means centres of futures, most frequent first.
+
+    Paper: section 5.6 (K = 1000 on all ego trajectories of the training set).
+
+    Args:
+        futures: [M, T, 2] metres in the ego frame of each start.
+        k: Number of templates.
+        seed: Of the K-Means initialisation; same futures and seed, same templates.
+
+    Raises:
+        DataError: If there are fewer futures than templates, or too few distinct ones.
+    """
+    if k < 1 or k > len(futures):
+        raise DataError(
+            f"Cannot fit {k} templates to {len(futures)} trajectories; "
+            "choose a smaller k or give more scenes."
+        )
+    flat = futures.reshape(len(futures), -1)
+    distinct = len(np.unique(np.round(flat, 6), axis=0))
+    if distinct < k:
+        raise DataError(f"Only {distinct} of the trajectories differ; choose a k of at most that.")
+    means = KMeans(n_clusters=k, n_init=1, random_state=seed).fit(flat)
+    points = means.cluster_centers_.reshape(k, *futures.shape[1:]).astype(np.float32)
+    fitted = TemplateSet(points=points, dt_s=DT_S, counts=np.zeros(k, dtype=np.int64))
+    counts = np.bincount(fitted.nearest(futures), minlength=k)
+    order = np.argsort(-counts, kind="stable")
+    return TemplateSet(
+        points=points[order],
+        dt_s=DT_S,
+        counts=counts[order],
+        card={
+            "k": k,
+            "seed": seed,
+            "num_futures": len(futures),
+            "inertia_m2": float(means.inertia_),
+            "libraries": {name: version(name) for name in ("numpy", "scikit-learn")},
+        },
+    )

@@ -1,0 +1,206 @@
+"""Training: a thin Lightning module and the loop's settings around model, planner and metrics."""
+
+import logging
+import math
+from pathlib import Path
+from typing import Any
+
+import pytorch_lightning as pl
+import torch
+import torch.distributed as dist
+from pytorch_lightning.callbacks import LearningRateMonitor, ModelCheckpoint, RichProgressBar
+from pytorch_lightning.loggers import CSVLogger, TensorBoardLogger
+from pytorch_lightning.strategies import DDPStrategy
+from torch import Tensor
+from torch.optim import Optimizer
+
+from lss_core.batch import Batch
+from lss_core.errors import DataError
+from lss_core.model import CameraModel
+from shoot.config import OptimConfig, TrainConfig
+from shoot.datamodule import PlanBatch, PlanningData
+from shoot.metrics import PlanningMetrics
+from shoot.planner import Planner
+from shoot.run_folder import LAST, RunFolder
+from shoot.templates import TemplateSet
+
+logger = logging.getLogger(__name__)
+
+
+class PlanningModule(pl.LightningModule):
+    """Images to scores of all templates, and the loss that trains it.
+
+    Paper: sections 3.3 and 5.6.
+    """
+
+    def __init__(self, config: TrainConfig, templates: TemplateSet) -> None:
+        super().__init__()
+        self.config = config
+        self.templates_sha256 = templates.sha256
+        image = config.data.image
+        self.model = CameraModel(config.model, (image.height_px, image.width_px))
+        self.planner = Planner(
+            torch.from_numpy(templates.points), config.model.grid, config.planner
+        )
+        self.val_metrics = PlanningMetrics()
+
+    def forward(self, sensors: Batch) -> Tensor:
+        """[B, K] scores (logits) of the templates."""
+        scores: Tensor = self.planner(self.cost_map(sensors))
+        return scores
+
+    def cost_map(self, sensors: Batch) -> Tensor:
+        """[B, X, Y] cost per cell."""
+        return self.model.forward_batch(sensors)[:, 0]
+
+    def training_step(self, batch: PlanBatch, batch_idx: int) -> Tensor:
+        """Cross-entropy of the template nearest to what was driven."""
+        loss = self.planner.loss(self(batch.sensors), batch.template_idx)
+        size = len(batch.template_idx)
+        self.log("train_loss", loss, prog_bar=True, batch_size=size)
+        return loss
+
+    def validation_step(self, batch: PlanBatch, batch_idx: int) -> None:
+        """Add a batch to the running metrics."""
+        log_prob = self(batch.sensors).log_softmax(dim=-1)
+        self.val_metrics.update(log_prob, batch.template_idx)
+
+    def on_validation_start(self) -> None:
+        """Give all processes the same batch statistics before they are used."""
+        if dist.is_available() and dist.is_initialized():
+            for buffer in self.model.buffers():
+                if buffer.is_floating_point():
+                    dist.all_reduce(buffer)
+                    buffer /= dist.get_world_size()
+
+    def on_validation_epoch_end(self) -> None:
+        """Log top-k accuracies (per cent) and NLL over all processes."""
+        # Already reduced over processes by the metric.
+        self.log_dict({f"val_{name}": v for name, v in self.val_metrics.compute().items()})
+        self.val_metrics.reset()
+
+    def configure_optimizers(self) -> Any:
+        """Adam and the schedule, by step."""
+        optim = self.config.optim
+        optimizer = torch.optim.Adam(
+            self.parameters(), lr=optim.learning_rate, weight_decay=optim.weight_decay
+        )
+        schedule = torch.optim.lr_scheduler.LambdaLR(optimizer, lambda step: rate_at(optim, step))
+        return {
+            "optimizer": optimizer,
+            "lr_scheduler": {"scheduler": schedule, "interval": "step"},
+        }
+
+    def configure_gradient_clipping(
+        self,
+        optimizer: Optimizer,
+        gradient_clip_val: float | None = None,
+        gradient_clip_algorithm: str | None = None,
+    ) -> None:
+        """Scale gradients down to `clip_norm` and log the norm they had."""
+        norm = torch.nn.utils.clip_grad_norm_(self.parameters(), self.config.optim.clip_norm)
+        self.log("grad_norm", norm)
+
+    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Say which templates these weights belong to."""
+        checkpoint["templates_sha256"] = self.templates_sha256
+
+    def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Refuse weights that belong to other templates.
+
+        Raises:
+            DataError: If they do.
+        """
+        check_templates(checkpoint, self.templates_sha256, "the checkpoint")
+
+
+def rate_at(optim: OptimConfig, step: int) -> float:
+    """Learning rate at a step, relative to the peak: linear warm-up, then constant or cosine to 0."""
+    if step < optim.warmup_steps:
+        return (step + 1) / optim.warmup_steps
+    if optim.schedule == "constant":
+        return 1.0
+    done = (step - optim.warmup_steps) / max(1, optim.steps - optim.warmup_steps)
+    return 0.5 * (1.0 + math.cos(math.pi * min(1.0, done)))
+
+
+def check_templates(checkpoint: dict[str, Any], sha256: str, name: str) -> None:
+    """Check that a checkpoint was trained with these templates.
+
+    Raises:
+        DataError: If not.
+    """
+    trained_with = checkpoint.get("templates_sha256")
+    if trained_with != sha256:
+        raise DataError(
+            f"{name} was trained with other templates (sha256 {str(trained_with)[:12]}..., these are "
+            f"{sha256[:12]}...); give it its own template file."
+        )
+
+
+def train(config: TrainConfig) -> Path:
+    """Train a planner; returns the run folder.
+
+    The loop runs in rounds of `val_every` steps: train, validate, write `checkpoints/last.ckpt` and, when
+    top-10 is better than before, `checkpoints/best.ckpt`. A killed run resumes at the last whole round and
+    ends with the weights it would have had.
+
+    Raises:
+        DataError: If data, templates or the run folder are not as they should be.
+    """
+    templates = TemplateSet.load(config.templates)
+    run = RunFolder(Path(config.out))
+    resume_from = run.begin(config, templates)
+    pl.seed_everything(config.seed, workers=True, verbose=False)
+    data = PlanningData(config, templates)
+    module = PlanningModule(config, templates)
+    logger.info(
+        "Training on %d samples (%d left out), validating on %d; %.2f M parameters.",
+        len(data.train_split.labels),
+        data.train_split.futures.num_left_out,
+        len(data.val_split.labels),
+        sum(p.numel() for p in module.parameters()) / 1e6,
+    )
+    trainer = make_trainer(config, run)
+    trainer.fit(module, datamodule=data, ckpt_path=resume_from, weights_only=True)
+    return run.folder
+
+
+def make_trainer(config: TrainConfig, run: RunFolder) -> pl.Trainer:
+    """Lightning's loop for a run."""
+    many = config.devices > 1 or config.num_nodes > 1 or dist.is_torchelastic_launched()
+    # Batch statistics are averaged before validation instead of at every forward pass: processes may
+    # have different numbers of validation batches.
+    strategy = DDPStrategy(broadcast_buffers=False) if many else "auto"
+    return pl.Trainer(
+        default_root_dir=run.folder,
+        accelerator=config.accelerator,
+        devices=config.devices,
+        num_nodes=config.num_nodes,
+        strategy=strategy,
+        precision=config.precision,
+        max_steps=config.optim.steps,
+        max_epochs=-1,
+        num_sanity_val_steps=0,
+        use_distributed_sampler=False,
+        log_every_n_steps=10,
+        logger=[
+            CSVLogger(run.folder, name="", version="csv"),
+            TensorBoardLogger(run.folder, name="", version="tensorboard"),
+        ],
+        callbacks=[
+            ModelCheckpoint(
+                run.checkpoints,
+                filename="best",
+                monitor="val_top10",
+                mode="max",
+                enable_version_counter=False,
+            ),
+            ModelCheckpoint(
+                run.checkpoints, filename=Path(LAST).stem, enable_version_counter=False
+            ),
+            LearningRateMonitor("step"),
+            RichProgressBar(refresh_rate=5),
+        ],
+        enable_model_summary=False,
+    )

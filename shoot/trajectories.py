@@ -1,0 +1,172 @@
+"""Ego futures, mined from recorded poses: what templates are fitted on and labels are made of."""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lss_core.data.samples import SampleIndex
+from lss_core.geometry import FloatArray
+
+HORIZON_S = 5.0
+DT_S = 0.25
+# Time stamps are whole microseconds but travel as float64 seconds since 1970.
+_TIME_TOLERANCE_S = 1e-6
+
+
+@dataclass(frozen=True)
+class Futures:
+    """Ego futures with where they start.
+
+    Attributes:
+        xy_m: [M, T, 2] ego origin at 0.25 s, 0.5 s ... 5 s, in the ego frame of the start.
+        scene: [M] row of the scene in the index.
+        sample: [M] row of the sample in the index; -1 for starts that are no keyframe.
+        velocity_mps: [M, 2] mean velocity over the last half second before the start, in the ego
+            frame of the start; zero where the recording begins.
+        yaw_rate_radps: [M] mean yaw rate over the same time.
+        num_left_out: Starts without a whole future in their scene.
+    """
+
+    xy_m: FloatArray
+    scene: NDArray[np.int64]
+    sample: NDArray[np.int64]
+    velocity_mps: FloatArray
+    yaw_rate_radps: FloatArray
+    num_left_out: int
+
+    def select(self, mask: NDArray[np.bool_]) -> "Futures":
+        """Only some of them; the others count as left out."""
+        return replace(
+            self,
+            xy_m=self.xy_m[mask],
+            scene=self.scene[mask],
+            sample=self.sample[mask],
+            velocity_mps=self.velocity_mps[mask],
+            yaw_rate_radps=self.yaw_rate_radps[mask],
+            num_left_out=self.num_left_out + int((~mask).sum()),
+        )
+
+
+def futures_from_poses(
+    times_s: FloatArray,
+    xy_m: FloatArray,
+    yaw_rad: FloatArray,
+    starts_s: FloatArray,
+    horizon_s: float = HORIZON_S,
+    dt_s: float = DT_S,
+) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Where the ego goes in the seconds after each start, seen from the start.
+
+    Positions are interpolated linearly in time between the recorded poses; t = 0 is none of the points.
+    A start before the first pose, or with less than the whole horizon recorded after it, is left out.
+
+    Paper: section 5.6 (5 s, every 0.25 s: 20 points).
+
+    Args:
+        times_s: [P] strictly increasing.
+        xy_m: [P, 2] ego origin in a fixed frame.
+        yaw_rad: [P] heading in the same frame; jumps by 2 pi are allowed.
+        starts_s: [S] moments to look ahead from.
+        horizon_s: How far ahead.
+        dt_s: Time between points; the first point is at `dt_s`.
+
+    Returns:
+        [S', T, 2] futures of the kept starts, x forward and y left at the start; [S] which were kept.
+
+    Raises:
+        ValueError: If times do not increase or the horizon is no multiple of `dt_s`.
+    """
+    num_points = round(horizon_s / dt_s)
+    if num_points < 1 or abs(num_points * dt_s - horizon_s) > 1e-9:
+        raise ValueError(f"A horizon of {horizon_s} s is not a whole number of {dt_s} s steps.")
+    if np.any(np.diff(times_s) <= 0.0):
+        raise ValueError("Pose times must increase.")
+    starts_s = np.asarray(starts_s, dtype=np.float64)
+    if not len(times_s):
+        return np.zeros((0, num_points, 2)), np.zeros(len(starts_s), dtype=bool)
+    kept = (starts_s >= times_s[0] - _TIME_TOLERANCE_S) & (
+        starts_s + horizon_s <= times_s[-1] + _TIME_TOLERANCE_S
+    )
+    here_s = starts_s[kept]
+    ahead_s = here_s[:, None] + dt_s * np.arange(1, num_points + 1)
+    origin_m = _at(times_s, xy_m, here_s)
+    moved_m = _at(times_s, xy_m, ahead_s) - origin_m[:, None]
+    yaw = np.interp(here_s, times_s, np.unwrap(yaw_rad))
+    return _turn(moved_m, -yaw[:, None]), kept
+
+
+def mine_futures(
+    index: SampleIndex,
+    rows: NDArray[np.int64],
+    starts: Literal["sweeps", "keyframes"],
+) -> Futures:
+    """Futures of the scenes of the given samples.
+
+    Args:
+        index: Of the data set.
+        rows: [R] samples, in the order of `rows_of_split`.
+        starts: `sweeps`: from every LIDAR_TOP sweep of their scenes (templates); `keyframes`: from the
+            samples themselves (training and evaluation).
+    """
+    parts: list[FloatArray] = []
+    velocity: list[FloatArray] = []
+    yaw_rate: list[FloatArray] = []
+    scene_of: list[NDArray[np.int64]] = []
+    sample_of: list[NDArray[np.int64]] = []
+    num_left_out = 0
+    for scene in dict.fromkeys(index.sample_scene[rows].tolist()):
+        track = index.track(scene)
+        time_s, xy_m = index.track_time_s[track], index.track_xy_m[track]
+        yaw_rad = index.track_yaw_rad[track]
+        # Subtracting first keeps microseconds exact.
+        zero_s = time_s[0]
+        own = rows[index.sample_scene[rows] == scene]
+        starts_s = time_s if starts == "sweeps" else index.time_s[own]
+        futures, kept = futures_from_poses(time_s - zero_s, xy_m, yaw_rad, starts_s - zero_s)
+        parts.append(futures)
+        speed, turn = _recent_motion(time_s - zero_s, xy_m, yaw_rad, starts_s[kept] - zero_s)
+        velocity.append(speed)
+        yaw_rate.append(turn)
+        scene_of.append(np.full(len(futures), scene))
+        sample_of.append(own[kept] if starts == "keyframes" else np.full(len(futures), -1))
+        num_left_out += int((~kept).sum())
+    return Futures(
+        xy_m=np.concatenate(parts),
+        scene=np.concatenate(scene_of),
+        sample=np.concatenate(sample_of),
+        velocity_mps=np.concatenate(velocity),
+        yaw_rate_radps=np.concatenate(yaw_rate),
+        num_left_out=num_left_out,
+    )
+
+
+def _recent_motion(
+    times_s: FloatArray,
+    xy_m: FloatArray,
+    yaw_rad: FloatArray,
+    starts_s: FloatArray,
+    window_s: float = 0.5,
+) -> tuple[FloatArray, FloatArray]:
+    """Velocity in the ego frame and yaw rate, from poses at and before each start only."""
+    before_s = np.maximum(starts_s - window_s, times_s[0])
+    elapsed_s = starts_s - before_s
+    safe_s = np.where(elapsed_s > 0.0, elapsed_s, 1.0)
+    heading = np.unwrap(yaw_rad)
+    yaw = np.interp(starts_s, times_s, heading)
+    moved_m = _at(times_s, xy_m, starts_s) - _at(times_s, xy_m, before_s)
+    velocity = _turn(moved_m, -yaw) / safe_s[:, None]
+    turned = (yaw - np.interp(before_s, times_s, heading)) / safe_s
+    return velocity, turned
+
+
+def _at(times_s: FloatArray, xy_m: FloatArray, query_s: FloatArray) -> FloatArray:
+    x_m, y_m = (np.interp(query_s, times_s, xy_m[:, axis]) for axis in range(2))
+    return np.stack([x_m, y_m], axis=-1)
+
+
+def _turn(vectors: FloatArray, angle_rad: FloatArray) -> FloatArray:
+    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
+    x, y = vectors[..., 0], vectors[..., 1]
+    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)

@@ -1,0 +1,248 @@
+"""Drives through one recorded scene and writes its images, sweeps and table rows."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import cv2
+import numpy as np
+
+from shoot.world import scenery
+from shoot.world.rig import make_rig
+from shoot.world.scenario import describe, make_look, make_scenario
+from shoot.world.scenery import AgentPose
+from shoot.world.sensors import CitySensors, Sweep
+from shoot.world.tables import AnnotationBook, Row, calibration_rows, chain, pose_row
+from shoot.world.tiling import LOCATIONS, Tile, seed_of, token
+from shoot.world.town import FloatArray, Town
+
+LIDAR = "LIDAR_TOP"
+LIDAR_PERIOD_S = 0.05
+JPEG_QUALITY = 90
+AGENT_REACH_M, PARKED_REACH_M = 80.0, 60.0
+_FIRST_STAMP_US = 1_767_225_600_000_000  # 1 January 2026
+
+
+@dataclass(frozen=True)
+class SceneOrder:
+    """What to write.
+
+    Attributes:
+        name: Scene name, from nuScenes' split lists.
+        split, index: Which scene of which split it is.
+        town_index: Which town of the split.
+        seed: Of the whole data set.
+        duration_s: Length of the scene.
+        image_scale: Share of 1600 x 900.
+        lidar_azimuths: Lidar firings a turn.
+        sweeps: Which sweeps get files.
+        tile: Where the town lies.
+    """
+
+    name: str
+    split: Literal["train", "val"]
+    index: int
+    town_index: int
+    seed: int
+    duration_s: float
+    image_scale: float
+    lidar_azimuths: int
+    sweeps: Literal["keyframes", "all"]
+    tile: Tile
+
+
+def keyframe_steps(num_steps: int, rng: np.random.Generator) -> list[int]:
+    """Lidar turns (1 to `num_steps`) that are keyframes: every 0.5 s on average, 0.40 to 0.60 s apart."""
+    steps = [1]
+    while True:
+        steps.append(steps[-1] + int(rng.choice([8, 9, 10, 11, 12], p=[0.05, 0.2, 0.5, 0.2, 0.05])))
+        if steps[-1] > num_steps:
+            return steps[:-1]
+
+
+def texel_m(image_scale: float) -> float:
+    """Finest texture worth painting for images of a scale."""
+    return 0.1 if image_scale >= 0.2 else 0.125
+
+
+def capture_scene(order: SceneOrder, town: Town, root: Path) -> dict[str, list[Row]]:
+    """Write the files of one scene and return its rows by table.
+
+    Args:
+        order: What to write.
+        town: Its town.
+        root: Folder of the data set.
+    """
+    scene_seed = seed_of(order.seed, order.split, "scene", order.index)
+    recording = make_scenario(town, scene_seed, order.duration_s)
+    look = make_look(scene_seed)
+    rig = make_rig(scene_seed, order.image_scale, order.lidar_azimuths)
+    sensors = CitySensors(town, recording, look, rig, scene_seed, texel_m(order.image_scale))
+    rng = np.random.default_rng([scene_seed, 21])
+    name, seed = order.name, order.seed
+    origin_m = order.tile.origin_m
+    first_us = _FIRST_STAMP_US + (scene_seed % 100_000) * 3_600_000_000 // 100 * 100
+    logfile = f"synthetic-{order.split}-{order.town_index:04d}-{name}"
+    calibration = calibration_rows(rig, name, seed)
+    poses: list[Row] = []
+    data: list[Row] = []
+    samples: list[Row] = []
+    book = AnnotationBook(seed, name)
+
+    def record(channel: str, time_us: int, sample_token: str, is_key_frame: bool) -> Row:
+        x, y, yaw = scenery.ego_pose(recording, time_us / 1e6)
+        stamp_us = first_us + time_us
+        row_token = token(seed, name, "sample_data", channel, stamp_us)
+        poses.append(pose_row(row_token, stamp_us, np.array([x, y]) + origin_m, yaw))
+        is_lidar = channel == LIDAR
+        folder = "samples" if is_key_frame else "sweeps"
+        ending = "pcd.bin" if is_lidar else "jpg"
+        row = {
+            "token": row_token,
+            "sample_token": sample_token,
+            "ego_pose_token": row_token,
+            "calibrated_sensor_token": calibration[channel]["token"],
+            "timestamp": stamp_us,
+            "fileformat": "pcd" if is_lidar else "jpg",
+            "is_key_frame": is_key_frame,
+            "height": 0 if is_lidar else rig.cameras[0].height_px,
+            "width": 0 if is_lidar else rig.cameras[0].width_px,
+            "filename": f"{folder}/{channel}/{logfile}__{channel}__{stamp_us}.{ending}",
+            "prev": "",
+            "next": "",
+        }
+        data.append(row)
+        return row
+
+    num_steps = round(order.duration_s / LIDAR_PERIOD_S)
+    keyframes = keyframe_steps(num_steps, rng)
+    for step in keyframes:
+        time_us = round(step * LIDAR_PERIOD_S * 1e6)
+        samples.append({
+            "token": token(seed, name, "sample", step),
+            "timestamp": first_us + time_us,
+            "prev": "",
+            "next": "",
+            "scene_token": token(seed, name, "scene"),
+        })  # fmt: skip
+    chain(samples)
+
+    turns: list[Row] = []
+    for step in range(1, num_steps + 1):
+        # A turn belongs to the keyframe it leads to; the last ones to the last.
+        nearest = min(int(np.searchsorted(keyframes, step)), len(keyframes) - 1)
+        is_key_frame = keyframes[nearest] == step
+        time_us = round(step * LIDAR_PERIOD_S * 1e6)
+        row = record(LIDAR, time_us, samples[nearest]["token"], is_key_frame)
+        turns.append(row)
+        if is_key_frame or order.sweeps == "all":
+            sweep = sensors.sweep(time_us / 1e6)
+            _write_bytes(root / row["filename"], sweep.points.tobytes())
+            if is_key_frame:
+                _annotate(book, samples[nearest]["token"], sensors, sweep, time_us / 1e6, origin_m)
+    chain(turns)
+
+    for camera in rig.cameras:
+        shots: list[Row] = []
+        for step, sample in zip(keyframes, samples, strict=True):
+            delay_us = round(camera.delay_s * 1e6 + rng.uniform(-1500, 1500))
+            time_us = round(step * LIDAR_PERIOD_S * 1e6) + delay_us
+            row = record(camera.channel, time_us, sample["token"], True)
+            shots.append(row)
+            picture = sensors.image(camera, time_us / 1e6)
+            quality = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
+            _, encoded = cv2.imencode(".jpg", picture[..., ::-1], quality)
+            _write_bytes(root / row["filename"], encoded.tobytes())
+        chain(shots)
+
+    instances, annotations = book.rows()
+    scene = {
+        "token": token(seed, name, "scene"),
+        "log_token": token(seed, name, "log"),
+        "nbr_samples": len(samples),
+        "first_sample_token": samples[0]["token"],
+        "last_sample_token": samples[-1]["token"],
+        "name": name,
+        "description": describe(town, recording, look),
+    }
+    log = {
+        "token": scene["log_token"],
+        "logfile": logfile,
+        "vehicle": "synthetic",
+        "date_captured": str(np.datetime64(first_us, "us").astype("datetime64[D]")),
+        "location": LOCATIONS[order.tile.location].name,
+    }
+    return {
+        "instance": instances,
+        "calibrated_sensor": list(calibration.values()),
+        "ego_pose": poses,
+        "log": [log],
+        "scene": [scene],
+        "sample": samples,
+        "sample_data": data,
+        "sample_annotation": annotations,
+    }
+
+
+def _write_bytes(path: Path, content: bytes) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(content)
+
+
+def _annotate(
+    book: AnnotationBook,
+    sample_token: str,
+    sensors: CitySensors,
+    sweep: Sweep,
+    time_s: float,
+    origin_m: FloatArray,
+) -> None:
+    """Note the boxes of all road users and parked cars that the lidar touched or the ego sees well."""
+    town, recording = sensors.town, sensors.recording
+    x, y, _ = scenery.ego_pose(recording, time_s)
+    ego_m = np.array([x, y])
+    parked = [
+        (index, car)
+        for index, car in enumerate(town.parked_cars)
+        if np.hypot(*(car.xy_m - ego_m)) < PARKED_REACH_M
+    ]
+    agents: list[AgentPose] = [
+        pose
+        for pose in scenery.agent_poses(recording, time_s)
+        if np.hypot(*(pose.xy_m - ego_m)) < AGENT_REACH_M
+    ]
+    boxes = [
+        (index, "car", car.xy_m, car.yaw_rad, car.size_m, "vehicle.parked") for index, car in parked
+    ]
+    for pose in agents:
+        agent = pose.agent
+        if agent.kind == "pedestrian":
+            state = "pedestrian.moving" if pose.speed_mps > 0.2 else "pedestrian.standing"
+        else:
+            state = "vehicle.moving" if pose.speed_mps > 0.2 else "vehicle.stopped"
+        number = len(town.parked_cars) + pose.index
+        boxes.append((number, agent.kind, pose.xy_m, pose.yaw_rad, agent.size_m, state))
+    if not boxes:
+        return
+    ids = np.array([box[0] for box in boxes], np.int32)
+    points = np.stack([_inside_points(xy, yaw, size) for _, _, xy, yaw, size, _ in boxes])
+    shares = sensors.visible_share(points, time_s, ids)
+    touched = np.bincount(
+        sweep.object_ids[sweep.object_ids >= 0], minlength=len(town.parked_cars) + len(recording.agents)
+    )
+    for (number, kind, xy, yaw, size, state), share in zip(boxes, shares, strict=True):
+        count = int(touched[number])
+        if count > 0 or share >= 0.4:
+            centre = np.array([*(xy + origin_m), size[2] / 2])
+            book.add(sample_token, number, kind, centre, yaw, size, state, float(share), count)
+
+
+def _inside_points(xy_m: FloatArray, yaw_rad: float, size_m: FloatArray) -> FloatArray:
+    """Points [12, 3] spread through a box, within what is surely body and not air."""
+    shares = np.array([
+        [x, y, z] for x in (-0.38, 0.0, 0.38) for y in (-0.3, 0.3) for z in (0.35, 0.55)
+    ])  # fmt: skip
+    local = shares * size_m
+    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+    flat = local[:, :2] @ np.array([[cos, sin], [-sin, cos]]) + xy_m
+    return np.column_stack([flat, local[:, 2]])

@@ -1,0 +1,349 @@
+"""The painted ground: asphalt, lines, crossings, pavements and grass as one texture with mipmaps.
+
+Rays that meet z = 0 look their colour up here. The texture is kept in display units (square root of linear
+light), so that 8 bits suffice.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import shapely
+import shapely.ops
+from numpy.typing import NDArray
+
+from shoot.world.light import Light
+from shoot.world.meshes import Float32Array
+from shoot.world.town import FloatArray, RoadLine, Town
+
+ImageArray = NDArray[np.uint8]
+
+MARGIN_M = 40.0
+_SUBPIXEL_BITS = 4
+_GRASS, _ASPHALT, _PARKING, _PAVEMENT, _KERB, _YARD = (
+    (92, 112, 68), (96, 97, 100), (106, 104, 103), (158, 154, 147), (184, 182, 176), (128, 124, 112),
+)  # fmt: skip
+_WHITE, _YELLOW = (232, 232, 226), (226, 176, 52)
+_DASH_M = {"lane": (3.0, 4.0), "centre": (2.5, 3.5)}
+
+
+@dataclass(frozen=True)
+class Ground:
+    """Mipmapped colours of the plane z = 0.
+
+    Attributes:
+        texels: [sum of levels] 8-bit colours, red in the lowest byte, all levels one after another.
+        starts, heights, widths: [L] where each level begins, and its rows (y) and columns (x).
+        origin_m: [2] lower left corner of texel (0, 0).
+        cell_m: Size of a texel of level 0.
+        lamp_glow: [Gy, Gx] light of the street lamps, one cell a metre from the same origin.
+    """
+
+    texels: NDArray[np.uint32]
+    starts: NDArray[np.int32]
+    heights: NDArray[np.int32]
+    widths: NDArray[np.int32]
+    origin_m: FloatArray
+    cell_m: float
+    lamp_glow: Float32Array
+
+    def colours(
+        self, xy_m: Float32Array, direction: Float32Array, across_m: Float32Array, taps: int = 3
+    ) -> Float32Array:
+        """Mean linear colour under each pixel's footprint.
+
+        Seen at a flat angle a footprint is long: it is covered by `taps` texels along the view, each
+        from the level whose texel is as wide as a tap is long.
+
+        Args:
+            xy_m: [P, 2] centres of the footprints.
+            direction: [P, 3] unit view rays.
+            across_m: [P] width of the footprints across the ray.
+            taps: Texels a footprint.
+
+        Returns:
+            [P, 3].
+        """
+        steepness = np.maximum(-direction[:, 2], 1e-3)
+        along_m = across_m / steepness
+        size = np.maximum(across_m, along_m / taps) / np.float32(self.cell_m)
+        level = np.clip(np.round(np.log2(np.maximum(size, 1.0))), 0, len(self.starts) - 1).astype(
+            np.int32
+        )
+        scale = np.exp2(-level.astype(np.float32)) / np.float32(self.cell_m)
+        flat = (
+            direction[:, :2]
+            * (along_m / np.sqrt(np.maximum(1 - steepness**2, 1e-6)) / taps)[:, None]
+        )
+        place = xy_m - self.origin_m.astype(np.float32)
+        start, height, width = self.starts[level], self.heights[level], self.widths[level]
+        total = np.zeros((len(xy_m), 3), np.float32)
+        for tap in range(taps):
+            point = place + np.float32(tap - (taps - 1) / 2) * flat
+            column = np.clip((point[:, 0] * scale).astype(np.int32), 0, width - 1)
+            row = np.clip((point[:, 1] * scale).astype(np.int32), 0, height - 1)
+            texel = self.texels[start + row * width + column]
+            total += np.square(texel.view(np.uint8).reshape(-1, 4)[:, :3].astype(np.float32))
+        return np.asarray(total / np.float32(taps * 255.0**2), np.float32)
+
+    def glow(self, xy_m: Float32Array) -> Float32Array:
+        """Light of the street lamps at points [P, 2]."""
+        cell = (xy_m - self.origin_m.astype(np.float32)).astype(np.int32)
+        rows, columns = self.lamp_glow.shape
+        row, column = np.clip(cell[:, 1], 0, rows - 1), np.clip(cell[:, 0], 0, columns - 1)
+        return np.asarray(self.lamp_glow[row, column], np.float32)
+
+
+class _Canvas:
+    """An image over the ground that takes metres."""
+
+    def __init__(
+        self, size_m: float, cell_m: float, channels: int, colour: tuple[int, ...]
+    ) -> None:
+        side = int(np.ceil((size_m + 2 * MARGIN_M) / cell_m / 64)) * 64
+        self.cell_m = cell_m
+        self.image = np.empty((side, side, channels), np.uint8)
+        self.image[:] = colour
+
+    def _fixed(self, points_m: FloatArray) -> NDArray[np.int32]:
+        cells = (np.asarray(points_m)[:, :2] + MARGIN_M) / self.cell_m - 0.5
+        return np.round(cells * 2**_SUBPIXEL_BITS).astype(np.int32)
+
+    def fill(self, outlines_m: Iterable[FloatArray], colour: tuple[int, ...]) -> None:
+        """Fill what lies inside an odd number of the outlines."""
+        fixed = [self._fixed(outline) for outline in outlines_m]
+        if fixed:
+            cv2.fillPoly(self.image, fixed, colour, cv2.LINE_AA, _SUBPIXEL_BITS)
+
+    def fill_area(self, area: shapely.Geometry, colour: tuple[int, ...]) -> None:
+        for part in polygons_of(area):
+            self.fill(
+                [np.asarray(ring.coords) for ring in (part.exterior, *part.interiors)], colour
+            )
+
+    def stroke(self, points_m: FloatArray, width_m: float, colour: tuple[int, ...]) -> None:
+        """Paint a band along a line, cut off square at its ends."""
+        line = shapely.LineString(points_m)
+        if line.length > 0:
+            self.fill_area(line.buffer(width_m / 2, cap_style="flat", join_style="mitre"), colour)
+
+
+def polygons_of(area: shapely.Geometry) -> Iterator[shapely.Polygon]:
+    """The polygons in a polygon or a collection, without empty ones."""
+    for part in shapely.get_parts(area):
+        if part.geom_type == "Polygon" and not part.is_empty:
+            yield part
+
+
+def paint_ground(town: Town, light: Light, cell_m: float = 0.1) -> Ground:
+    """Paint a town's ground under a given light and prepare its mipmaps."""
+    canvas = _Canvas(town.size_m, cell_m, 4, (*_GRASS, 0))
+    for house in town.buildings:
+        yard = shapely.Polygon(house.outline_m).buffer(3.0, join_style="mitre")
+        canvas.fill_area(yard, (*_YARD, 0))
+    canvas.fill_area(town.pavement, (*_PAVEMENT, 0))
+    for part in polygons_of(town.pavement):
+        for ring in (part.exterior, *part.interiors):
+            canvas.stroke(np.asarray(ring.coords), 0.3, (*_KERB, 0))
+    canvas.fill_area(town.road, (*_ASPHALT, 0))
+    canvas.fill_area(town.parking, (*_PARKING, 0))
+    _paint_marks(canvas, town)
+    _roughen(canvas.image, town.seed)
+    _shade(canvas, town, light)
+    texels, starts, heights, widths = _mipmaps(canvas.image)
+    side_m = canvas.image.shape[0] * cell_m
+    origin_m = np.array([-MARGIN_M, -MARGIN_M])
+    return Ground(
+        texels,
+        starts,
+        heights,
+        widths,
+        origin_m,
+        cell_m,
+        _lamp_glow(town, side_m, light.street_lamps),
+    )
+
+
+def _paint_marks(canvas: _Canvas, town: Town) -> None:
+    white, yellow = (*_WHITE, 0), (*_YELLOW, 0)
+    for line in town.lines:
+        points = np.asarray(line.points_m, float)
+        if line.kind == "stop":
+            canvas.stroke(points, 0.55, white)
+        elif line.kind == "edge":
+            canvas.stroke(points, 0.16, white)
+        elif line.kind == "lane":
+            for dash in _dashes(points, *_DASH_M["lane"]):
+                canvas.stroke(dash, 0.18, white)
+        elif _is_double(line, town):
+            # Seen from a car the two bands and the gap between them must stay apart.
+            for side in (-0.17, 0.17):
+                canvas.stroke(_shifted(points, side), 0.15, yellow)
+        else:
+            for dash in _dashes(points, *_DASH_M["centre"]):
+                canvas.stroke(dash, 0.18, yellow)
+    for bay in polygons_of(town.parking):
+        for ring in (bay.exterior, *bay.interiors):
+            canvas.stroke(np.asarray(ring.coords), 0.1, (*(210, 210, 205), 0))
+    for crosswalk in town.crosswalks:
+        for stripe in crosswalk_stripes(crosswalk.outline_m, crosswalk.path_m):
+            canvas.fill([stripe], white)
+
+
+def _is_double(line: RoadLine, town: Town) -> bool:
+    """Whether a centre line parts two lanes a side (RoadLine does not say)."""
+    middle = np.asarray(line.points_m)[len(line.points_m) // 2]
+    best, is_double = np.inf, False
+    for lane in town.lanes:
+        if lane.turn is None:
+            gap = float(np.min(np.hypot(*(lane.centreline_m - middle).T)))
+            if gap < best - 1e-6:
+                best, is_double = gap, lane.left_lane is not None or lane.right_lane is not None
+    return is_double
+
+
+def _shifted(points_m: FloatArray, left_m: float) -> FloatArray:
+    step = np.gradient(points_m, axis=0)
+    normal = np.stack([-step[:, 1], step[:, 0]], axis=1)
+    length = np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9)
+    return np.asarray(points_m + left_m * normal / length, np.float64)
+
+
+def _dashes(points_m: FloatArray, dash_m: float, gap_m: float) -> Iterator[FloatArray]:
+    line = shapely.LineString(points_m)
+    for start_m in np.arange(0.5 * gap_m, line.length - 0.5 * dash_m, dash_m + gap_m):
+        dash = shapely.ops.substring(line, start_m, min(start_m + dash_m, line.length))
+        if dash.geom_type == "LineString":
+            yield np.asarray(dash.coords)
+
+
+def crosswalk_stripes(
+    outline_m: FloatArray, path_m: FloatArray, stripe_m: float = 0.6, gap_m: float = 0.6
+) -> list[FloatArray]:
+    """Bars [4, 2] across the way people walk, from kerb to kerb."""
+    along = path_m[1] - path_m[0]
+    length_m = float(np.hypot(*along))
+    along = along / max(length_m, 1e-9)
+    across = np.array([-along[1], along[0]])
+    offsets = (np.asarray(outline_m) - path_m[0]) @ across
+    low, high = float(offsets.min()), float(offsets.max())
+    count = max(int((length_m + gap_m - 0.3) // (stripe_m + gap_m)), 1)
+    first_m = (length_m - count * stripe_m - (count - 1) * gap_m) / 2
+    stripes = []
+    for k in range(count):
+        start = path_m[0] + (first_m + k * (stripe_m + gap_m)) * along
+        end = start + stripe_m * along
+        stripes.append(
+            np.array(
+                [
+                    start + low * across,
+                    end + low * across,
+                    end + high * across,
+                    start + high * across,
+                ]
+            )
+        )
+    return stripes
+
+
+def _roughen(image: ImageArray, seed: int) -> None:
+    """Grain and patches, so that bare asphalt shows its distance and speed has no blank wall."""
+    rng = np.random.default_rng([seed, 7])
+    side = image.shape[0]
+    coarse = rng.normal(0.0, 1.0, (side // 64 + 2, side // 64 + 2)).astype(np.float32)
+    patches = cv2.resize(coarse, (side, side), interpolation=cv2.INTER_CUBIC)
+    tile = rng.normal(0.0, 5.0, (512, 512)).astype(np.float32)
+    repeats = -(-side // 512)
+    rough = np.tile(tile, (repeats, repeats))[:side, :side]
+    rough += 4.0 * patches
+    up = np.clip(rough, 0, 255).astype(np.uint8)
+    down = np.clip(-rough, 0, 255).astype(np.uint8)
+    for channel in range(3):
+        plane = cv2.subtract(cv2.add(image[..., channel], up), down)
+        image[..., channel] = plane
+
+
+def _shade(canvas: _Canvas, town: Town, light: Light) -> None:
+    """Darken what houses, trees and parked cars keep the sun from."""
+    shadows = _Canvas(town.size_m, 2 * canvas.cell_m, 1, (255,))
+    sun = light.sun_direction
+    slide = -sun[:2] / max(float(sun[2]), 0.1)
+    # Display units are the square root of light.
+    cast = int(round(255 * np.sqrt(light.shadow)))
+    if cast < 250:
+        for house in town.buildings:
+            base = np.asarray(house.outline_m)
+            shadows.fill_area(_hull(base, base + slide * house.height_m), (cast,))
+        for thing in town.props:
+            if thing.kind == "tree":
+                disc = shapely.Point(*(thing.xy_m + slide * 0.7 * thing.height_m)).buffer(
+                    thing.radius_m
+                )
+                shadows.fill_area(disc, (cast,))
+        for parked in town.parked_cars:
+            base = footprint(parked.xy_m, parked.yaw_rad, parked.size_m)
+            shadows.fill_area(_hull(base, base + slide * 0.8 * parked.size_m[2]), (cast,))
+    for parked in town.parked_cars:
+        base = footprint(parked.xy_m, parked.yaw_rad, parked.size_m + 0.2)
+        shadows.fill([base], (min(cast, 130),))
+    soft = cv2.GaussianBlur(shadows.image, (5, 5), 1.2)
+    side = canvas.image.shape[0]
+    full = cv2.resize(soft, (side, side), interpolation=cv2.INTER_LINEAR)
+    # Work in bands: a temporary of the whole ground would be twice its size.
+    for top in range(0, side, 512):
+        band = canvas.image[top : top + 512]
+        canvas.image[top : top + 512] = cv2.multiply(
+            band, cv2.merge([full[top : top + 512]] * 4), scale=1 / 255
+        )
+
+
+def _hull(first_m: FloatArray, second_m: FloatArray) -> shapely.Geometry:
+    return shapely.MultiPoint(np.concatenate([first_m, second_m])).convex_hull
+
+
+def footprint(xy_m: FloatArray, yaw_rad: float, size_m: FloatArray) -> FloatArray:
+    """Corners [4, 2] of a box on the ground, counter-clockwise from rear right."""
+    half_l, half_w = size_m[0] / 2, size_m[1] / 2
+    local = np.array([[-half_l, -half_w], [half_l, -half_w], [half_l, half_w], [-half_l, half_w]])
+    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+    return np.asarray(local @ np.array([[cos, sin], [-sin, cos]]) + xy_m, np.float64)
+
+
+def _mipmaps(
+    image: ImageArray,
+) -> tuple[NDArray[np.uint32], NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
+    levels = [image]
+    while min(levels[-1].shape[:2]) > 16:
+        height, width = levels[-1].shape[:2]
+        levels.append(
+            cv2.resize(levels[-1], (width // 2, height // 2), interpolation=cv2.INTER_AREA)
+        )
+    flat = [np.ascontiguousarray(level).view(np.uint32).reshape(-1) for level in levels]
+    heights = np.array([level.shape[0] for level in levels], np.int32)
+    widths = np.array([level.shape[1] for level in levels], np.int32)
+    starts = np.concatenate([[0], np.cumsum(heights * widths)[:-1]]).astype(np.int32)
+    return np.concatenate(flat), starts, heights, widths
+
+
+def _lamp_glow(town: Town, side_m: float, strength: float) -> Float32Array:
+    """Pools of light under the lamp posts, in linear light on a grid of one metre."""
+    cells = int(np.ceil(side_m))
+    glow = np.zeros((cells, cells), np.float32)
+    if strength <= 0:
+        return glow
+    reach = 22
+    offsets = np.arange(-reach, reach + 1, dtype=np.float32)
+    for thing in town.props:
+        if thing.kind != "lamp_post":
+            continue
+        x, y = np.asarray(thing.xy_m) + MARGIN_M
+        column, row = int(x), int(y)
+        if min(column, row) < reach or max(column, row) >= cells - reach:
+            continue
+        dx = (offsets + column + 0.5 - x)[None, :]
+        dy = (offsets + row + 0.5 - y)[:, None]
+        height2 = np.float32(max(thing.height_m, 4.0) ** 2)
+        pool = (height2 / (height2 + 1.2 * (dx**2 + dy**2))) ** 2
+        glow[row - reach : row + reach + 1, column - reach : column + reach + 1] += pool
+    return np.asarray(np.minimum(glow, 1.5) * np.float32(0.16 * strength), np.float32)

@@ -1,0 +1,96 @@
+"""Light and weather of a scene as numbers: what the shading multiplies and adds."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from shoot.world.meshes import Float32Array
+from shoot.world.recording import Look
+from shoot.world.town import FloatArray
+
+
+@dataclass(frozen=True)
+class Light:
+    """Linear light, 1 being a white sheet in the sun at noon.
+
+    Attributes:
+        sun_direction: [3] unit vector towards the sun (or the brightest sky).
+        sun_rgb, ambient_rgb: [3] direct light and light from all of the sky.
+        horizon_rgb, zenith_rgb: [3] colours of the sky; haze takes the horizon's.
+        haze_m: Distance over which contrast falls to 1/e.
+        shadow: What is left of the light in a shadow of the sun, 0 to 1.
+        headlamps: Strength of the ego's own lamps; others' burn where it is above 0.
+        street_lamps: Strength of the lamp posts.
+        lit_windows: Share of windows with light behind them.
+        wetness: 0 dry, 1 wet: the road darkens and mirrors the sky.
+        cloudiness: Contrast of clouds.
+        noise: Standard deviation of the sensor noise, in display units 0 to 1.
+        lamp_gain: How far lamps outshine a white sheet; also how wide they glow.
+    """
+
+    sun_direction: FloatArray
+    sun_rgb: Float32Array
+    ambient_rgb: Float32Array
+    horizon_rgb: Float32Array
+    zenith_rgb: Float32Array
+    haze_m: float
+    shadow: float
+    headlamps: float = 0.0
+    street_lamps: float = 0.0
+    lit_windows: float = 0.0
+    wetness: float = 0.0
+    cloudiness: float = 0.0
+    noise: float = 0.008
+    lamp_gain: float = 1.0
+
+
+def light_of(look: Look) -> Light:
+    """Turn a look into light; rain greys it, night leaves it to lamps."""
+    heights_rad = {"day": np.deg2rad(42.0), "dusk": np.deg2rad(12.0), "night": np.deg2rad(60.0)}
+    height_rad = heights_rad[look.daylight]
+    flat = np.cos(height_rad)
+    sun = np.array(
+        [
+            flat * np.cos(look.sun_azimuth_rad),
+            flat * np.sin(look.sun_azimuth_rad),
+            np.sin(height_rad),
+        ]
+    )
+
+    def rgb(red: float, green: float, blue: float) -> Float32Array:
+        return np.array([red, green, blue], np.float32)
+
+    if look.daylight == "night":
+        wet = 1.0 if look.is_raining else 0.0
+        return Light(
+            sun, rgb(0.004, 0.005, 0.008), rgb(0.016, 0.019, 0.030), rgb(0.020, 0.021, 0.030),
+            rgb(0.004, 0.005, 0.011), 160.0, 1.0, headlamps=1.0, street_lamps=1.0, lit_windows=0.35,
+            wetness=wet, noise=0.022, lamp_gain=1.3,
+        )  # fmt: skip
+    if look.is_raining:
+        dim = 0.5 if look.daylight == "dusk" else 1.0
+        return Light(
+            sun, dim * rgb(0.05, 0.05, 0.05), dim * rgb(0.44, 0.46, 0.50), dim * rgb(0.50, 0.53, 0.57),
+            dim * rgb(0.36, 0.39, 0.44), 95.0, 0.92, headlamps=0.06, street_lamps=0.08 / dim - 0.08,
+            lit_windows=0.15, wetness=1.0, cloudiness=0.12, noise=0.013, lamp_gain=1.0,
+        )  # fmt: skip
+    if look.daylight == "dusk":
+        return Light(
+            sun, rgb(0.40, 0.24, 0.13), rgb(0.17, 0.17, 0.23), rgb(0.72, 0.47, 0.34),
+            rgb(0.15, 0.19, 0.33), 330.0, 0.55, headlamps=0.15, street_lamps=0.12, lit_windows=0.22,
+            cloudiness=0.25, noise=0.013, lamp_gain=1.1,
+        )  # fmt: skip
+    return Light(
+        sun, rgb(0.78, 0.73, 0.64), rgb(0.34, 0.37, 0.43), rgb(0.70, 0.78, 0.86),
+        rgb(0.20, 0.36, 0.66), 520.0, 0.42, cloudiness=0.3,
+    )  # fmt: skip
+
+
+def lit(
+    rgb: Float32Array, normals: Float32Array, light: Light, sun_direction: FloatArray | None = None
+) -> Float32Array:
+    """Colours [F, 3] of matte faces under sun and sky; faces looking down get little sky."""
+    sun = light.sun_direction if sun_direction is None else sun_direction
+    direct = np.maximum(normals @ np.asarray(sun, np.float32), 0.0)[:, None]
+    sky = (0.62 + 0.38 * normals[:, 2:3]).astype(np.float32)
+    return np.asarray(rgb * (direct * light.sun_rgb + sky * light.ambient_rgb), np.float32)

@@ -1,0 +1,148 @@
+"""One 20 s scene: traffic settled in a town, one of its cars chosen as ego, light and weather."""
+
+import numpy as np
+
+from shoot.world.junctions import plan_signals
+from shoot.world.recording import Agent, Look, Recording
+from shoot.world.town import FloatArray, Town
+from shoot.world.traffic import STEP_S, Car, Traffic, place_cars
+from shoot.world.walkers import Pavements, Walker, send_walkers
+
+DT_S = 0.05
+BURN_IN_S = 20.0
+MAX_SPEED_MPS = 13.0
+KEEP_WITHIN_M = 130.0
+
+
+def make_scenario(town: Town, seed: int, duration_s: float = 20.0) -> Recording:
+    """Let traffic settle, then record it as one randomly chosen car drives through it.
+
+    The ego is one of the cars and drives as they do; it is chosen without regard to what it does.
+
+    Args:
+        town: Where.
+        seed: Any non-negative integer; the same gives the same recording.
+        duration_s: Length of the recording.
+    """
+    rng = np.random.default_rng([seed, 0x71])
+    plan = plan_signals(town, rng)
+    start_s, end_s = -BURN_IN_S, duration_s + STEP_S
+    walkers = send_walkers(town, plan, start_s, end_s, rng)
+    route_m = (end_s - start_s) * MAX_SPEED_MPS + 320.0
+    cars = place_cars(town, int(rng.integers(18, 37)), route_m, rng)
+    traffic = Traffic(town, plan, Pavements(town, plan, walkers), cars)
+    num_burn_in = round(BURN_IN_S / STEP_S)
+    num_steps = num_burn_in + round(duration_s / STEP_S) + 1
+    for step in range(num_steps):
+        traffic.step(start_s + step * STEP_S)
+
+    candidates = [car for car in cars if not car.is_truck]
+    ego = candidates[int(rng.integers(len(candidates)))]
+    times_s = np.arange(round(duration_s / DT_S) + 1) * DT_S
+    at_m, speed_mps, _ = _trace(ego, num_burn_in, times_s)
+    ego_xy_m, ego_yaw_rad = ego.route.pose(at_m)
+    place = np.searchsorted(ego.route.starts_m, at_m, side="right") - 1
+    agents = [_car_agent(car, num_burn_in, times_s) for car in cars if car is not ego]
+    agents += [_walker_agent(walker, num_burn_in, times_s) for walker in walkers]
+    near = [agent for agent in agents if np.hypot(*(agent.xy_m - ego_xy_m).T).min() < KEEP_WITHIN_M]
+    return Recording(
+        dt_s=DT_S,
+        ego_xy_m=ego_xy_m,
+        ego_yaw_rad=ego_yaw_rad,
+        ego_speed_mps=speed_mps,
+        ego_lane=np.array(ego.route.lanes, dtype=np.int64)[place],
+        agents=tuple(near),
+        signal_state=plan.states(times_s),
+    )
+
+
+def make_look(seed: int) -> Look:
+    """Draw light and weather: mostly day, some dusk and night, some rain.
+
+    Args:
+        seed: Any non-negative integer.
+    """
+    rng = np.random.default_rng([seed, 0x72])
+    daylight = str(rng.choice(["day", "dusk", "night"], p=[0.72, 0.13, 0.15]))
+    rain_share = {"day": 0.2, "dusk": 0.15, "night": 0.1}[daylight]
+    return Look(
+        daylight=daylight,  # type: ignore[arg-type]
+        is_raining=bool(rng.random() < rain_share),
+        sun_azimuth_rad=float(rng.uniform(-np.pi, np.pi)),
+    )
+
+
+def describe(town: Town, recording: Recording, look: Look) -> str:
+    """A line as in nuScenes; says Night and Rain exactly when it is so.
+
+    Args:
+        town: Where it happened.
+        recording: What happened.
+        look: Light and weather.
+    """
+    words = []
+    if look.daylight == "night":
+        words.append("Night")
+    if look.is_raining:
+        words.append("Rain")
+    lanes = [town.lanes[i] for i in dict.fromkeys(recording.ego_lane.tolist())]
+    turns = [lane.turn for lane in lanes if lane.turn is not None]
+    words += [f"turn {turn}" if turn != "straight" else "intersection" for turn in turns]
+    if any(lane.limit_mps > 10 and lane.turn is None for lane in lanes):
+        words.append("wide road")
+    if (recording.ego_speed_mps < 0.3).mean() > 0.1:
+        words.append("waiting")
+    people = sum(agent.kind == "pedestrian" for agent in recording.agents)
+    if people > 10:
+        words.append("many peds")
+    words.append("parked cars" if len(town.parked_cars) > 40 else "moving cars")
+    line = ", ".join(dict.fromkeys(words))
+    return line[0].upper() + line[1:]
+
+
+def _trace(car: Car, first: int, times_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """([T] arc length, [T] speed, [T] acceleration) at the given times after the burn-in."""
+    rows = np.array(car.trace, dtype=np.float64)
+    step = np.minimum(first + np.floor(times_s / STEP_S + 1e-6).astype(int), len(rows) - 1)
+    into_s = times_s - (step - first) * STEP_S
+    at_m, speed_mps, accel_mps2 = rows[step, :3].T
+    return (
+        at_m + speed_mps * into_s + accel_mps2 * into_s**2 / 2,
+        speed_mps + accel_mps2 * into_s,
+        accel_mps2,
+    )
+
+
+def _car_agent(car: Car, first: int, times_s: FloatArray) -> Agent:
+    at_m, speed_mps, accel_mps2 = _trace(car, first, times_s)
+    axle_m, yaw_rad = car.route.pose(at_m)
+    ahead = np.stack([np.cos(yaw_rad), np.sin(yaw_rad)], axis=1)
+    return Agent(
+        kind="truck" if car.is_truck else "car",
+        size_m=car.size_m,
+        style=car.style,
+        xy_m=axle_m + ahead * (car.size_m[0] / 2 - car.rear_m),
+        yaw_rad=yaw_rad,
+        speed_mps=speed_mps,
+        is_braking=(accel_mps2 < -0.7) | ((speed_mps < 0.3) & (accel_mps2 < 0.3)),
+        is_present=np.ones(len(times_s), dtype=np.bool_),
+    )
+
+
+def _walker_agent(walker: Walker, first: int, times_s: FloatArray) -> Agent:
+    trace_m = np.array(walker.trace_m[first:])
+    at_m = np.interp(times_s, np.arange(len(trace_m)) * STEP_S, trace_m)
+    s_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(walker.path_m, axis=0).T))])
+    xy_m = np.stack([np.interp(at_m, s_m, walker.path_m[:, i]) for i in (0, 1)], axis=1)
+    side = np.clip(np.searchsorted(s_m, at_m, side="right") - 1, 0, len(s_m) - 2)
+    heading = np.diff(walker.path_m, axis=0)[side]
+    return Agent(
+        kind="pedestrian",
+        size_m=np.array([0.6, 0.6, walker.height_m]),
+        style=walker.style,
+        xy_m=xy_m,
+        yaw_rad=np.arctan2(heading[:, 1], heading[:, 0]),
+        speed_mps=np.gradient(at_m, DT_S),
+        is_braking=np.zeros(len(times_s), dtype=np.bool_),
+        is_present=np.ones(len(times_s), dtype=np.bool_),
+    )
