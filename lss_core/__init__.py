@@ -1,1 +1,1 @@
-"""Lift and Splat: images of any camera rig to one bird's-eye-view map (the paper's sections 3.1 and 3.2)."""
+"""Lift and Splat: images of any camera rig to one bird's-eye-view map (the paper's 3.1, 3.2)."""

@@ -123,7 +123,7 @@ def resize_map(scale_x: float, scale_y: float | None = None) -> FloatArray:
     )
 
 
-def crop_map(left_px: float, top_px: float) -> FloatArray:
+def crop_map(left_px: float | int, top_px: float | int) -> FloatArray:
     """Pixel map [3, 3] of a crop whose upper left pixel is (left_px, top_px) of the whole image."""
     return np.array([[1.0, 0.0, -left_px], [0.0, 1.0, -top_px], [0.0, 0.0, 1.0]])
 

@@ -26,8 +26,8 @@ def rigid_from_quaternion(translation_m: FloatArray, quaternion_wxyz: FloatArray
     return matrix
 
 
-def rigid_from_yaw(xy_m: FloatArray, yaw_rad: FloatArray) -> FloatArray:
-    """Transform [..., 4, 4] that turns by `yaw_rad` [...] about z, then moves by (x, y, 0) [..., 2]."""
+def rigid_from_yaw(xy_m: FloatArray, yaw_rad: FloatArray | float) -> FloatArray:
+    """Transform [..., 4, 4] that turns by `yaw_rad` [...] about z and moves by `xy_m` [..., 2]."""
     yaw = np.asarray(yaw_rad, dtype=np.float64)
     matrix = np.zeros((*yaw.shape, 4, 4))
     matrix[..., 0, 0] = matrix[..., 1, 1] = np.cos(yaw)
@@ -56,13 +56,13 @@ def apply(a_from_b: FloatArray, points_b: FloatArray) -> FloatArray:
 
 def yaw_of(a_from_b: FloatArray) -> FloatArray:
     """Heading of b's x axis in a's ground plane, in (-pi, pi]."""
-    yaw: FloatArray = np.arctan2(a_from_b[..., 1, 0], a_from_b[..., 0, 0])
+    yaw: FloatArray = np.asarray(np.arctan2(a_from_b[..., 1, 0], a_from_b[..., 0, 0]))
     return yaw
 
 
-def wrap_angle(angle_rad: FloatArray) -> FloatArray:
+def wrap_angle(angle_rad: FloatArray | float) -> FloatArray:
     """The same direction in [-pi, pi)."""
-    wrapped: FloatArray = (np.asarray(angle_rad) + np.pi) % (2.0 * np.pi) - np.pi
+    wrapped: FloatArray = np.asarray((np.asarray(angle_rad) + np.pi) % (2.0 * np.pi) - np.pi)
     return wrapped
 
 

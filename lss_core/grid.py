@@ -11,8 +11,8 @@ from torch import Tensor
 class BevGrid:
     """A rectangle of the ego frame's ground plane, cut into square cells.
 
-    Maps on it are `[..., X, Y]`: X runs forward, Y to the left. A cell owns its lower edges and not its
-    upper ones, so a point on the rectangle's upper border lies outside.
+    Maps on it are `[..., X, Y]`: X runs forward, Y to the left. A cell owns its lower edges and not
+    its upper ones, so a point on the rectangle's upper border lies outside.
 
     Attributes:
         x_min_m: Rear border.
@@ -63,7 +63,7 @@ class BevGrid:
         return self.num_x, self.num_y
 
     def continuous_cells(self, xy_m: Float[Tensor, "*S 2"]) -> Float[Tensor, "*S 2"]:
-        """Place of points in units of cells: 0 at the lower border, 0.5 at the first cell's centre."""
+        """Place of points in cells: 0 at the lower border, 0.5 at the first cell's centre."""
         lower_m = xy_m.new_tensor([self.x_min_m, self.y_min_m])
         return (xy_m - lower_m) / self.cell_m
 

@@ -10,10 +10,9 @@ import safetensors.torch
 import timm
 import torch
 from jaxtyping import Float
-from torch import Tensor, nn
-
 from timm.models.efficientnet import EfficientNetFeatures
 from timm.models.mobilenetv3 import MobileNetV3Features
+from torch import Tensor, nn
 
 from lss_core.errors import DataError
 

@@ -1,10 +1,10 @@
-"""Two slow roads to the same sums, to hold the fast one against: a plain loop, and the paper's own."""
+"""Two slow roads to the same sums, to hold the fast one against: a plain loop, and the paper's."""
 
 import math
 from typing import Any
 
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from lss_core.grid import BevGrid
@@ -88,7 +88,7 @@ class _SumSortedRows(torch.autograd.Function):
         ctx: Any, rows: Float[Tensor, "P C"], is_last: Bool[Tensor, "P"]
     ) -> Float[Tensor, "R C"]:
         """Differences of the running sum between the runs' last rows."""
-        run_idx: Int[Tensor, "P"] = is_last.cumsum(0) - is_last.long()
+        run_idx = is_last.cumsum(0) - is_last.long()
         ctx.save_for_backward(run_idx)
         totals = rows.cumsum(0)[is_last]
         return torch.cat([totals[:1], totals[1:] - totals[:-1]])

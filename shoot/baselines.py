@@ -19,7 +19,7 @@ logger = logging.getLogger(__name__)
 
 NUM_FOLDS = 5
 SMOOTHINGS = (3.0, 1.0, 0.3, 0.1, 0.03, 0.01)
-WEIGHT_DECAYS = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6)
+WEIGHT_DECAYS = (1.0, 3e-1, 1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6)
 
 # Enough to fit one number; bounds the memory of the S x K distances at K = 1000 to 32 MB.
 _SIGMA_SAMPLES = 4096

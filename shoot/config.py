@@ -67,6 +67,9 @@ class TrainConfig:
         resume: Go on from the run's last checkpoint.
     """
 
+    # A misspelt key in a config file must not pass for the default; nested classes inherit this.
+    __pydantic_config__ = ConfigDict(extra="forbid")
+
     templates: str
     out: str
     data: DataConfig = field(default_factory=DataConfig)
@@ -106,7 +109,13 @@ class TrainConfig:
         try:
             loaded = yaml.safe_load(path.read_text(encoding="utf-8"))
             return TypeAdapter(TrainConfig).validate_python(loaded)
-        except (ValidationError, yaml.YAMLError, UnicodeDecodeError) as error:
+        except ValidationError as error:
+            wrong = "; ".join(
+                f"{'.'.join(str(part) for part in detail['loc'])}: {detail['msg']}"
+                for detail in error.errors()
+            )
+            raise DataError(f"'{path}' is no training config ({wrong}).") from error
+        except (yaml.YAMLError, UnicodeDecodeError) as error:
             raise DataError(f"'{path}' is no training config: {error}") from error
 
 

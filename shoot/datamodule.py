@@ -1,4 +1,4 @@
-"""Samples with what the driver did next: Batch plus future and template label, and their loaders."""
+"""Samples with what the driver did next: Batch, future and template label, and their loaders."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from lss_core.data.samples import SampleIndex, load_index, rows_of_split
 from lss_core.errors import DataError
 from shoot.config import TrainConfig
 from shoot.templates import TemplateSet
-from shoot.trajectories import Futures, mine_futures
+from shoot.trajectories import DT_S, Futures, mine_futures
 
 
 @dataclass(frozen=True)
@@ -93,8 +93,14 @@ def load_split(
         need_images: Look whether image files are there.
 
     Raises:
-        DataError: If the split is unknown or empty, files are missing, or no sample has a whole future.
+        DataError: If the split is unknown or empty, files are missing, or no sample has a whole
+            future, or the templates have another time step.
     """
+    if abs(templates.dt_s - DT_S) > 1e-9:
+        raise DataError(
+            f"The templates have a point every {templates.dt_s:g} s, futures every {DT_S:g} s; "
+            "fit templates for this time step."
+        )
     index = load_index(data.root, data.version, data.cameras)
     rows = rows_of_split(index, data.root, data.version, split)
     futures = mine_futures(index, rows, "keyframes")
@@ -131,9 +137,9 @@ class PlanningDataset(Dataset[PlanBatch]):
 class StepSampler(Sampler[tuple[int, int]]):
     """An endless shuffled stream of samples, cut into rounds of a fixed number of steps.
 
-    The stream passes over all samples in a new order each time. What step s of the run reads follows from
-    the seed and s alone: a resumed run, and any number of processes that share the global batch, read the
-    same as an undisturbed one.
+    The stream passes over all samples in a new order each time. What step s of the run reads
+    follows from the seed and s alone: a resumed run, and any number of processes that share the
+    global batch, read the same as an undisturbed one.
     """
 
     def __init__(
@@ -201,8 +207,8 @@ class PlanningData(pl.LightningDataModule):
         shared = set(self.train_split.scene_names) & set(self.val_split.scene_names)
         if shared:
             raise DataError(
-                f"Splits '{config.train_split}' and '{config.val_split}' share {len(shared)} scenes "
-                f"('{min(shared)}' is one); a result on them would be worth nothing."
+                f"Splits '{config.train_split}' and '{config.val_split}' share {len(shared)} "
+                f"scenes ('{min(shared)}' is one); a result on them would be worth nothing."
             )
 
     def train_dataloader(self) -> DataLoader[PlanBatch]:
@@ -211,8 +217,8 @@ class PlanningData(pl.LightningDataModule):
         rank, world = self._share()
         if config.optim.batch_size % world:
             raise DataError(
-                f"A batch of {config.optim.batch_size} cannot be shared by {world} processes; choose "
-                "--optim.batch-size as a multiple of them."
+                f"A batch of {config.optim.batch_size} cannot be shared by {world} processes; "
+                "choose --optim.batch-size as a multiple of them."
             )
         sampler = StepSampler(
             len(self.train_split.labels),

@@ -20,8 +20,8 @@ class PlannerConfig:
 
     Attributes:
         interpolation: `bilinear` between cell centres, or the `nearest` cell.
-        off_grid: What a waypoint outside the map costs: a `learned` scalar, what the `border` cell next to it
-            costs, or `zero`.
+        off_grid: What a waypoint outside the map costs: a `learned` scalar, what the `border` cell
+            next to it costs, or `zero`.
         learn_temperature: Divide the scores by a learned temperature (not in the paper).
     """
 
@@ -53,8 +53,8 @@ def prepare_reads(
 ) -> TemplateReads:
     """Work out once which cells the templates read.
 
-    A waypoint is inside by the grid's rule (lower edge in, upper out). Inside, within half a cell of the
-    border, the bilinear neighbours that would lie outside are the border cells themselves.
+    A waypoint is inside by the grid's rule (lower edge in, upper out). Inside, within half a cell
+    of the border, the bilinear neighbours that would lie outside are the border cells themselves.
     """
     num_x, num_y = grid.shape
     points = templates.double()
@@ -106,8 +106,8 @@ def score_templates(
 ) -> Float[Tensor, "B K"]:
     """Score each template by the cost along it; high is good, a logit.
 
-    The cost map is read at each of the T waypoints, summed over them and negated, so that a softmax over K
-    is the Boltzmann distribution over templates.
+    The cost map is read at each of the T waypoints, summed over them and negated, so that a softmax
+    over K is the Boltzmann distribution over templates.
 
     Paper: section 3.3, Eq. 2. Deviation: waypoints outside the map, see docs/deviations.md.
 
@@ -116,8 +116,8 @@ def score_templates(
         templates: Waypoints in metres in `ego`, evenly spaced in time.
         grid: Extent and cell size of `cost_map`.
         interpolation: `bilinear` between cell centres or the `nearest` cell.
-        off_grid: Rule for waypoints outside the map: they cost `off_grid_cost` (`learned`), what the
-            nearest border cell costs (`border`), or nothing (`zero`).
+        off_grid: Rule for waypoints outside the map: they cost `off_grid_cost` (`learned`), what
+            the nearest border cell costs (`border`), or nothing (`zero`).
         off_grid_cost: Cost of one waypoint outside under the rule `learned`.
 
     Returns:
@@ -149,7 +149,7 @@ class Planner(nn.Module):
         self,
         templates: Float[Tensor, "K T 2"],
         grid: BevGrid,
-        config: PlannerConfig = PlannerConfig(),  # noqa: B008  (frozen)
+        config: PlannerConfig = PlannerConfig(),
     ) -> None:
         super().__init__()
         self.grid = grid

@@ -48,14 +48,15 @@ class RunFolder:
         """Write what the run is; returns the checkpoint to resume from, if any.
 
         Raises:
-            DataError: If the folder holds a run already and `resume` is off, or on and the run was told
-                something else.
+            DataError: If the folder holds a run already and `resume` is off, or on and the run was
+                told something else.
         """
         last = self.checkpoints / LAST
         if self.config_file.exists():
             if not config.resume and last.exists():
                 raise DataError(
-                    f"'{self.folder}' holds a run already; go on with --resume or choose another --out."
+                    f"'{self.folder}' holds a run already; go on with --resume or choose another "
+                    "--out."
                 )
             if config.resume:
                 self._check_same(config)
@@ -115,7 +116,7 @@ class RunFolder:
         return loaded
 
     def _check_same(self, config: TrainConfig) -> None:
-        """What may differ on resuming: where things are and how they are run, not what is computed."""
+        """What may differ on resuming: where things are and how they run, not what is computed."""
         free = {
             "templates": "",
             "out": "",
@@ -125,28 +126,37 @@ class RunFolder:
             "devices": 1,
             "num_nodes": 1,
         }
-        before, now = replace(self.config(), **free), replace(config, **free)  # type: ignore[arg-type]
+        before = replace(self.config(), **free)  # type: ignore[arg-type]
+        now = replace(config, **free)  # type: ignore[arg-type]
         before = replace(before, data=replace(before.data, root=""))
         now = replace(now, data=replace(now.data, root=""))
         if before != now:
             differ = [n for n in vars(now) if getattr(now, n) != getattr(before, n)]
             raise DataError(
-                f"'{self.folder}' was begun with other settings of {', '.join(differ)}; resume it with "
-                f"those in {self.config_file.name}."
+                f"'{self.folder}' was begun with other settings of {', '.join(differ)}; resume it "
+                f"with those in {self.config_file.name}."
             )
 
 
 def _environment() -> dict[str, Any]:
-    commit = subprocess.run(
-        ["git", "rev-parse", "HEAD"],
-        cwd=Path(__file__).parent,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
     return {
-        "git": commit.stdout.strip() or None,
+        "git": _git_commit(),
         "python": platform.python_version(),
         "machine": platform.platform(),
         "libraries": {name: version(name) for name in _LIBRARIES},
     }
+
+
+def _git_commit() -> str | None:
+    """Of the source tree; None where there is no git or no repository."""
+    try:
+        commit = subprocess.run(
+            ["git", "rev-parse", "HEAD"],
+            cwd=Path(__file__).parent,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    except OSError:
+        return None
+    return commit.stdout.strip() or None

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import math
+import zlib
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -20,6 +21,18 @@ from lss_core.geometry import FloatArray
 from shoot.trajectories import DT_S
 
 FORMAT_VERSION = 1
+# What numpy and zip raise on files that are cut off, damaged, or something else altogether.
+_UNREADABLE = (
+    OSError,
+    EOFError,
+    ValueError,
+    LookupError,
+    TypeError,
+    AttributeError,
+    NotImplementedError,
+    BadZipFile,
+    zlib.error,
+)
 
 
 @dataclass(frozen=True)
@@ -91,7 +104,13 @@ class TemplateSet:
         return nearest.astype(np.int64)
 
     def coverage(self, futures: FloatArray) -> Coverage:
-        """Distances of [M, T, 2] futures to their nearest templates."""
+        """Distances of [M, T, 2] futures to their nearest templates.
+
+        Raises:
+            DataError: If there is no future, or futures have another number of points.
+        """
+        if not len(futures):
+            raise DataError("There is no trajectory to measure the coverage of templates on.")
         nearest = self.points[self.nearest(futures)]
         distance_m = np.linalg.norm(futures - nearest, axis=-1).mean(axis=-1)
         return Coverage(
@@ -103,7 +122,7 @@ class TemplateSet:
         )
 
     def save(self, path: str | Path) -> None:
-        """Write `path` (.npz, no pickle) and its card as JSON beside it; each appears whole or not at all."""
+        """Write `path` (.npz, no pickle), its card as JSON beside it; each whole or not at all."""
         path = Path(path)
         card = self.card | {"sha256": self.sha256, "format_version": FORMAT_VERSION}
         text = json.dumps(card, indent=2, sort_keys=True)
@@ -132,7 +151,7 @@ class TemplateSet:
             with np.load(path, allow_pickle=False) as stored:
                 points, counts = stored["templates"], stored["counts"]
                 dt_s, card = float(stored["dt_s"]), json.loads(str(stored["card"]))
-        except (OSError, ValueError, KeyError, TypeError, BadZipFile) as error:
+        except _UNREADABLE as error:
             raise DataError(f"'{path}' is not a template file: {error}") from error
         if not isinstance(card, dict) or card.get("format_version") != FORMAT_VERSION:
             raise DataError(f"'{path}' is of another template format; fit it anew.")

@@ -115,7 +115,7 @@ class PlanningModule(pl.LightningModule):
 
 
 def rate_at(optim: OptimConfig, step: int) -> float:
-    """Learning rate at a step, relative to the peak: linear warm-up, then constant or cosine to 0."""
+    """Learning rate at a step, as a share of the peak: linear warm-up, then constant or cosine."""
     if step < optim.warmup_steps:
         return (step + 1) / optim.warmup_steps
     if optim.schedule == "constant":
@@ -133,17 +133,17 @@ def check_templates(checkpoint: dict[str, Any], sha256: str, name: str) -> None:
     trained_with = checkpoint.get("templates_sha256")
     if trained_with != sha256:
         raise DataError(
-            f"{name} was trained with other templates (sha256 {str(trained_with)[:12]}..., these are "
-            f"{sha256[:12]}...); give it its own template file."
+            f"{name} was trained with other templates (sha256 {str(trained_with)[:12]}..., these "
+            f"are {sha256[:12]}...); give it its own template file."
         )
 
 
 def train(config: TrainConfig) -> Path:
     """Train a planner; returns the run folder.
 
-    The loop runs in rounds of `val_every` steps: train, validate, write `checkpoints/last.ckpt` and, when
-    top-10 is better than before, `checkpoints/best.ckpt`. A killed run resumes at the last whole round and
-    ends with the weights it would have had.
+    The loop runs in rounds of `val_every` steps: train, validate, write `checkpoints/last.ckpt`
+    and, when top-10 is better than before, `checkpoints/best.ckpt`. A killed run resumes at the
+    last whole round and ends with the weights it would have had.
 
     Raises:
         DataError: If data, templates or the run folder are not as they should be.
@@ -169,8 +169,8 @@ def train(config: TrainConfig) -> Path:
 def make_trainer(config: TrainConfig, run: RunFolder) -> pl.Trainer:
     """Lightning's loop for a run."""
     many = config.devices > 1 or config.num_nodes > 1 or dist.is_torchelastic_launched()
-    # Batch statistics are averaged before validation instead of at every forward pass: processes may
-    # have different numbers of validation batches.
+    # Batch statistics are averaged before validation instead of at every forward pass: processes
+    # may have different numbers of validation batches.
     strategy = DDPStrategy(broadcast_buffers=False) if many else "auto"
     return pl.Trainer(
         default_root_dir=run.folder,

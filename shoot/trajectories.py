@@ -59,8 +59,9 @@ def futures_from_poses(
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Where the ego goes in the seconds after each start, seen from the start.
 
-    Positions are interpolated linearly in time between the recorded poses; t = 0 is none of the points.
-    A start before the first pose, or with less than the whole horizon recorded after it, is left out.
+    Positions are interpolated linearly in time between the recorded poses; t = 0 is none of the
+    points. A start before the first pose, or with less than the whole horizon recorded after it, is
+    left out.
 
     Paper: section 5.6 (5 s, every 0.25 s: 20 points).
 
@@ -73,7 +74,8 @@ def futures_from_poses(
         dt_s: Time between points; the first point is at `dt_s`.
 
     Returns:
-        [S', T, 2] futures of the kept starts, x forward and y left at the start; [S] which were kept.
+        [S', T, 2] futures of the kept starts, x forward and y left at the start; [S] which were
+        kept.
 
     Raises:
         ValueError: If times do not increase or the horizon is no multiple of `dt_s`.
@@ -107,8 +109,8 @@ def mine_futures(
     Args:
         index: Of the data set.
         rows: [R] samples, in the order of `rows_of_split`.
-        starts: `sweeps`: from every LIDAR_TOP sweep of their scenes (templates); `keyframes`: from the
-            samples themselves (training and evaluation).
+        starts: `sweeps`: from every LIDAR_TOP sweep of their scenes (templates); `keyframes`: from
+            the samples themselves (training and evaluation).
     """
     parts: list[FloatArray] = []
     velocity: list[FloatArray] = []

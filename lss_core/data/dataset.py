@@ -46,8 +46,8 @@ def usable_rows(
         skip_missing: Leave out samples with absent files and say how many, instead of stopping.
 
     Raises:
-        DataError: If a file is absent (or a sample has no image at all) and `skip_missing` is off, or
-            if nothing is left.
+        DataError: If a file is absent (or a sample has no image at all) and `skip_missing` is off,
+            or if nothing is left.
     """
     present = np.ones(len(rows), dtype=bool)
     example = ""
@@ -81,9 +81,9 @@ def usable_rows(
 class CameraDataset(Dataset[Batch]):
     """Images and matrices of samples, augmented when an item is asked for with a draw number.
 
-    An item is asked for as `(position, draw)`. Everything random about it follows from the seed and `draw`
-    alone, so any number of workers and any restart give the same images. A negative draw means
-    evaluation: no augmentation, no dropped cameras, no noise.
+    An item is asked for as `(position, draw)`. Everything random about it follows from the seed and
+    `draw` alone, so any number of workers and any restart give the same images. A negative draw
+    means evaluation: no augmentation, no dropped cameras, no noise.
     """
 
     def __init__(

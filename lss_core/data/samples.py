@@ -1,7 +1,7 @@
 """The nuScenes tables, walked once: a compact index of samples, cameras, poses and scenes.
 
-Opening the devkit on the full data set takes most of a minute and gigabytes; the index keeps what training
-needs as plain arrays and is cached, keyed by the size and time stamp of every table.
+Opening the devkit on the full data set takes most of a minute and gigabytes; the index keeps what
+training needs as plain arrays and is cached, keyed by the size and time stamp of every table.
 """
 
 import hashlib
@@ -13,6 +13,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,9 +42,9 @@ LIDAR = "LIDAR_TOP"
 class SampleIndex:
     """What is known of S samples, N cameras, C scenes and P ego poses, without opening the tables.
 
-    The ego frame of a sample is that of its keyframe LIDAR_TOP sweep (of the sample's own time stamp in
-    scenes without lidar). Poses of a scene c are rows `track_start[c]:track_start[c + 1]`, one per
-    LIDAR_TOP sweep, increasing in time.
+    The ego frame of a sample is that of its keyframe LIDAR_TOP sweep (of the sample's own time
+    stamp in scenes without lidar). Poses of a scene c are rows `track_start[c]:track_start[c + 1]`,
+    one per LIDAR_TOP sweep, increasing in time.
 
     Attributes:
         cameras: [N] channel names.
@@ -118,7 +119,7 @@ def load_index(root: str | Path, version: str, cameras: Iterable[str]) -> Sample
         cameras: Channels to index, in this order.
 
     Raises:
-        DataError: If the folder, the version or a table is missing or unreadable.
+        DataError: If the folder, the version, a table or a camera is missing or unreadable.
     """
     root = Path(root)
     cameras = tuple(cameras)
@@ -133,7 +134,7 @@ def load_index(root: str | Path, version: str, cameras: Iterable[str]) -> Sample
         try:
             with np.load(cache, allow_pickle=False) as stored:
                 return SampleIndex(**{f.name: stored[f.name] for f in fields(SampleIndex)})
-        except (OSError, ValueError, KeyError) as error:
+        except (OSError, EOFError, ValueError, KeyError, BadZipFile) as error:
             logger.warning(
                 "The cached index %s is unreadable (%s); building it anew.", cache, error
             )
@@ -197,7 +198,7 @@ def _open_devkit(root: Path, version: str) -> Any:
 
     try:
         return NuScenes(version, dataroot=str(root), verbose=False)
-    except (AssertionError, KeyError, ValueError, OSError) as error:
+    except (AssertionError, LookupError, TypeError, ValueError, OSError) as error:
         raise DataError(
             f"nuscenes-devkit cannot open '{root / version}': {type(error).__name__}: {error}"
         ) from error
@@ -206,6 +207,13 @@ def _open_devkit(root: Path, version: str) -> Any:
 def _build_index(root: Path, version: str, cameras: tuple[str, ...]) -> SampleIndex:
     logger.info("Reading the tables of %s (once; the index is cached).", root / version)
     nusc = _open_devkit(root, version)
+    known = {sensor["channel"] for sensor in nusc.sensor}
+    unknown = [camera for camera in cameras if camera not in known]
+    if unknown:
+        raise DataError(
+            f"The data set '{root / version}' has no sensor {', '.join(unknown)}; "
+            f"it has {', '.join(sorted(known))}."
+        )
     scenes = nusc.scene
     scene_row = {scene["token"]: row for row, scene in enumerate(scenes)}
     keyframe: dict[tuple[str, str], Any] = {}

@@ -19,8 +19,8 @@ _MINI_NAMES = {"train": "mini_train", "val": "mini_val"}
 def official_scenes(version: str, split: str) -> tuple[str, ...]:
     """Names of the scenes of an official nuScenes split.
 
-    `train` and `val` of v1.0-mini mean `mini_train` and `mini_val`. Versions the devkit does not know
-    (as Lyft's) use the lists of v1.0-trainval.
+    `train` and `val` of v1.0-mini mean `mini_train` and `mini_val`. Versions the devkit does not
+    know (as Lyft's) use the lists of v1.0-trainval.
 
     Raises:
         DataError: If the version has no such split.
@@ -34,7 +34,7 @@ def official_scenes(version: str, split: str) -> tuple[str, ...]:
 
 
 def scenes_of_split(version_folder: Path, split: str) -> tuple[str, ...]:
-    """Names of the scenes of a split; a `splits.json` (name -> scene names) in the folder overrides.
+    """Names of the scenes of a split; a `splits.json` (name -> scenes) in the folder overrides.
 
     Raises:
         DataError: If the split is unknown or `splits.json` is not what it should be.
@@ -45,6 +45,8 @@ def scenes_of_split(version_folder: Path, split: str) -> tuple[str, ...]:
     try:
         splits = json.loads(override.read_text(encoding="utf-8"))
         names = splits[split]
+        if not isinstance(names, list):
+            raise TypeError(f"'{split}' is no list")
         return tuple(str(name) for name in names)
     except KeyError as error:
         known = ", ".join(sorted(splits))

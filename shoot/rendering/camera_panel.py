@@ -196,13 +196,14 @@ def _draw_planned(
             color=colour,
             linewidth=1.0 + 1.8 * strength,
             solid_capstyle="round",
+            path_effects=[Stroke(linewidth=2.2 + 1.8 * strength, foreground="#ffffffb0"), Normal()],
             zorder=3 + 0.9 * strength,
             gid="planned",
         )
-    end, depth_m = project(np.array([*path_m[-1], 0.0]), *camera)
-    if _seen(end, depth_m, image_hw, NEAR_M):
+    end, depth_m = project(np.array([[*path_m[-1], 0.0]]), *camera)
+    if _seen(end, depth_m, image_hw, NEAR_M)[0]:
         axes.plot(
-            *end,
+            *end.T,
             marker="o",
             markersize=3.0 + 1.5 * strength,
             color=colour,

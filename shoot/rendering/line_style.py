@@ -25,8 +25,13 @@ class _SolidCasing(Stroke):
     """A casing that does not share the dashes of the line it surrounds."""
 
     def draw_path(
-        self, renderer: Any, gc: Any, tpath: Any, affine: Any, rgbFace: Any = None
-    ) -> None:  # noqa: N803
+        self,
+        renderer: Any,
+        gc: Any,
+        tpath: Any,
+        affine: Any,
+        rgbFace: Any = None,  # noqa: N803
+    ) -> None:
         """Draw the line once, undashed."""
         undashed = renderer.new_gc()
         undashed.copy_properties(gc)

@@ -46,8 +46,9 @@ def render_templates(
     map_axes = figure.add_axes((0.075, 0.09, 0.47, 0.82))
     bar_axes = figure.add_axes((0.555, 0.09, 0.016, 0.82))
     lines = _draw_templates(map_axes, templates, counts)
-    bar = figure.colorbar(ScalarMappable(lines.norm, lines.get_cmap()), cax=bar_axes, extend="max")
+    bar = figure.colorbar(ScalarMappable(lines.norm, lines.get_cmap()), cax=bar_axes, extend="both")
     bar.set_label("trajectories per template", fontsize=11)
+    bar_axes.yaxis.set_major_formatter("{x:g}")
     bar_axes.tick_params(labelsize=10)
     _draw_speeds(figure.add_axes((0.725, 0.56, 0.255, 0.35)), templates, counts, dt_s)
     _draw_shares(figure.add_axes((0.725, 0.09, 0.255, 0.33)), counts)
@@ -73,8 +74,9 @@ def _draw_templates(
     order = np.argsort(counts, kind="stable")
     paths = [from_origin(templates[k])[:, ::-1] for k in order]
     shown = np.maximum(counts[order], 1)
-    # A few templates, standing above all, hold so much that they would take the ramp for themselves.
-    norm = LogNorm(1.0, max(float(np.percentile(shown, 99.0)), 2.0), clip=False)
+    # A few templates, standing above all, hold so much that they would take up the whole ramp.
+    low, high = (float(value) for value in np.percentile(shown, [1.0, 99.0]))
+    norm = LogNorm(low, max(high, 2.0 * low))
     lines = LineCollection(
         paths,
         array=shown.astype(np.float64),

@@ -228,7 +228,8 @@ def _annotate(
     points = np.stack([_inside_points(xy, yaw, size) for _, _, xy, yaw, size, _ in boxes])
     shares = sensors.visible_share(points, time_s, ids)
     touched = np.bincount(
-        sweep.object_ids[sweep.object_ids >= 0], minlength=len(town.parked_cars) + len(recording.agents)
+        sweep.object_ids[sweep.object_ids >= 0],
+        minlength=len(town.parked_cars) + len(recording.agents),
     )
     for (number, kind, xy, yaw, size, state), share in zip(boxes, shares, strict=True):
         count = int(touched[number])

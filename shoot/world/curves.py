@@ -87,7 +87,7 @@ def round_corners(
     pieces.append(polygon_m[-1:])
     joined = np.concatenate(pieces)
     distinct = np.concatenate([[True], np.hypot(*np.diff(joined, axis=0).T) > 1e-9])
-    return joined[distinct]
+    return np.asarray(joined[distinct])
 
 
 def turn_between(

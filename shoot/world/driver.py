@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shoot.world.curves import arc_lengths, resample
+from shoot.world.curves import arc_lengths
 from shoot.world.town import FloatArray, Lane, Town
 
 ROUTE_STEP_M = 0.5
-ACCEL_MPS2 = 2.0
-BRAKE_MPS2 = 2.0
+ACCEL_MPS2 = 2.4
+BRAKE_MPS2 = 2.4
 HARD_BRAKE_MPS2 = 3.0
 LATERAL_MPS2 = 2.0
 TURN_LATERAL_MPS2 = 2.6
@@ -110,7 +110,7 @@ def follow_accel(speed_mps: float, gap_m: float, lead_mps: float) -> float:
     """
     closing = speed_mps * (speed_mps - lead_mps) / (2 * (ACCEL_MPS2 * BRAKE_MPS2) ** 0.5)
     wished_m = STANDING_GAP_M + max(0.0, TIME_GAP_S * speed_mps + closing)
-    return ACCEL_MPS2 * (1.0 - (wished_m / max(gap_m, 0.1)) ** 2)
+    return float(ACCEL_MPS2 * (1.0 - (wished_m / max(gap_m, 0.1)) ** 2))
 
 
 def stop_accel(speed_mps: float, room_m: float) -> float:
@@ -134,4 +134,4 @@ def stop_accel(speed_mps: float, room_m: float) -> float:
 
 def can_stop(speed_mps: float, room_m: float, brake_mps2: float = HARD_BRAKE_MPS2) -> bool:
     """Whether one comes to rest within `room_m` at `brake_mps2`."""
-    return room_m > 0.0 and speed_mps**2 <= 2 * brake_mps2 * room_m
+    return room_m > 0.0 and bool(speed_mps**2 <= 2 * brake_mps2 * room_m)

@@ -49,7 +49,7 @@ class Ground:
     lamp_glow: Float32Array
 
     def colours(
-        self, xy_m: Float32Array, direction: Float32Array, across_m: Float32Array, taps: int = 3
+        self, places_m: Float32Array, rays: Float32Array, across_m: Float32Array, taps: int = 3
     ) -> Float32Array:
         """Mean linear colour under each pixel's footprint.
 
@@ -57,41 +57,50 @@ class Ground:
         from the level whose texel is as wide as a tap is long.
 
         Args:
-            xy_m: [P, 2] centres of the footprints.
-            direction: [P, 3] unit view rays.
+            places_m: [2, P] centres of the footprints.
+            rays: [3, P] unit view rays.
             across_m: [P] width of the footprints across the ray.
             taps: Texels a footprint.
 
         Returns:
-            [P, 3].
+            [3, P].
         """
-        steepness = np.maximum(-direction[:, 2], 1e-3)
-        along_m = across_m / steepness
-        size = np.maximum(across_m, along_m / taps) / np.float32(self.cell_m)
-        level = np.clip(np.round(np.log2(np.maximum(size, 1.0))), 0, len(self.starts) - 1).astype(
-            np.int32
-        )
-        scale = np.exp2(-level.astype(np.float32)) / np.float32(self.cell_m)
-        flat = (
-            direction[:, :2]
-            * (along_m / np.sqrt(np.maximum(1 - steepness**2, 1e-6)) / taps)[:, None]
-        )
-        place = xy_m - self.origin_m.astype(np.float32)
-        start, height, width = self.starts[level], self.heights[level], self.widths[level]
-        total = np.zeros((len(xy_m), 3), np.float32)
+        steep = np.maximum(-rays[2], np.float32(1e-3))
+        along_m = across_m / steep
+        size = np.maximum(across_m, along_m * np.float32(1 / taps)) * np.float32(1 / self.cell_m)
+        level = np.rint(np.log2(np.maximum(size, 1))).astype(np.int32)
+        np.minimum(level, len(self.starts) - 1, out=level)
+        scale = (np.float32(1 / self.cell_m) / (1 << np.arange(len(self.starts)))).astype(
+            np.float32
+        )[level]
+        stretch = along_m * scale / np.sqrt(np.maximum(1 - steep * steep, np.float32(1e-6)))
+        stretch *= np.float32(1 / taps)
+        step_x, step_y = rays[0] * stretch, rays[1] * stretch
+        x = (places_m[0] - np.float32(self.origin_m[0])) * scale
+        y = (places_m[1] - np.float32(self.origin_m[1])) * scale
+        start, width = self.starts[level], self.widths[level]
+        last_column, last_row = width - 1, self.heights[level] - 1
+        # Red and blue share one sum, in halves that cannot overflow into each other.
+        red_blue = np.zeros(len(x), np.uint32)
+        green = np.zeros(len(x), np.uint32)
         for tap in range(taps):
-            point = place + np.float32(tap - (taps - 1) / 2) * flat
-            column = np.clip((point[:, 0] * scale).astype(np.int32), 0, width - 1)
-            row = np.clip((point[:, 1] * scale).astype(np.int32), 0, height - 1)
+            shift = np.float32(tap - (taps - 1) / 2)
+            column = np.clip((x + shift * step_x).astype(np.int32), 0, last_column)
+            row = np.clip((y + shift * step_y).astype(np.int32), 0, last_row)
             texel = self.texels[start + row * width + column]
-            total += np.square(texel.view(np.uint8).reshape(-1, 4)[:, :3].astype(np.float32))
-        return np.asarray(total / np.float32(taps * 255.0**2), np.float32)
+            red_blue += texel & np.uint32(0x00FF00FF)
+            green += (texel >> np.uint32(8)) & np.uint32(0xFF)
+        planes = np.empty((3, len(x)), np.float32)
+        planes[0], planes[1] = red_blue & np.uint32(0xFFFF), green
+        planes[2] = red_blue >> np.uint32(16)
+        planes *= np.float32(1 / (255 * taps))
+        return np.asarray(planes * planes, np.float32)
 
-    def glow(self, xy_m: Float32Array) -> Float32Array:
-        """Light of the street lamps at points [P, 2]."""
-        cell = (xy_m - self.origin_m.astype(np.float32)).astype(np.int32)
+    def glow(self, x_m: Float32Array, y_m: Float32Array) -> Float32Array:
+        """Light of the street lamps at points ([P] each)."""
         rows, columns = self.lamp_glow.shape
-        row, column = np.clip(cell[:, 1], 0, rows - 1), np.clip(cell[:, 0], 0, columns - 1)
+        column = np.clip((x_m - np.float32(self.origin_m[0])).astype(np.int32), 0, columns - 1)
+        row = np.clip((y_m - np.float32(self.origin_m[1])).astype(np.int32), 0, rows - 1)
         return np.asarray(self.lamp_glow[row, column], np.float32)
 
 
@@ -248,20 +257,24 @@ def crosswalk_stripes(
 
 
 def _roughen(image: ImageArray, seed: int) -> None:
-    """Grain and patches, so that bare asphalt shows its distance and speed has no blank wall."""
+    """Grain and patches, so that bare asphalt shows its distance, in place."""
     rng = np.random.default_rng([seed, 7])
     side = image.shape[0]
-    coarse = rng.normal(0.0, 1.0, (side // 64 + 2, side // 64 + 2)).astype(np.float32)
-    patches = cv2.resize(coarse, (side, side), interpolation=cv2.INTER_CUBIC)
-    tile = rng.normal(0.0, 5.0, (512, 512)).astype(np.float32)
-    repeats = -(-side // 512)
-    rough = np.tile(tile, (repeats, repeats))[:side, :side]
-    rough += 4.0 * patches
-    up = np.clip(rough, 0, 255).astype(np.uint8)
-    down = np.clip(-rough, 0, 255).astype(np.uint8)
-    for channel in range(3):
-        plane = cv2.subtract(cv2.add(image[..., channel], up), down)
-        image[..., channel] = plane
+    tile = rng.normal(0.0, 5.0, (512, 512))
+    coarse = rng.normal(0.0, 4.0, (side // 64 + 2, side // 64 + 2))
+    for sign, change in ((1, cv2.add), (-1, cv2.subtract)):
+        fine = np.repeat(np.clip(sign * tile, 0, 255).astype(np.uint8), 4, axis=1).reshape(
+            512, 512, 4
+        )
+        patches = np.repeat(np.clip(sign * coarse, 0, 255).astype(np.uint8), 4, axis=1)
+        patches = patches.reshape(*coarse.shape, 4)
+        # Band by band, so that no temporary is as large as the ground.
+        smooth = cv2.resize(patches, (side, side), interpolation=cv2.INTER_LINEAR)
+        wide = np.tile(fine, (1, -(-side // 512), 1))[:, :side]
+        for top in range(0, side, 512):
+            band = image[top : top + 512]
+            change(band, wide[: len(band)], dst=band)
+            change(band, smooth[top : top + 512], dst=band)
 
 
 def _shade(canvas: _Canvas, town: Town, light: Light) -> None:

@@ -1,4 +1,4 @@
-"""Who may cross an intersection with whom: paths that conflict, where siblings part, light phases."""
+"""Who may cross an intersection with whom: conflicting paths, parting siblings, lights."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ from shoot.world.town import FloatArray, Town
 
 AMBER_S = 3.0
 ALL_RED_S = 1.5
-GREEN_S = (8.5, 11.0)
+GREEN_S = (10.0, 13.0)
 # The largest vehicle that drives here, about its rear axle, and air around it.
 SWEPT_FRONT_M, SWEPT_REAR_M, SWEPT_HALF_M = 4.9, 1.6, 1.35
 SIBLINGS_PART_M = 2.8
@@ -125,5 +125,6 @@ def plan_signals(town: Town, rng: np.random.Generator) -> SignalPlan:
     green_s = rng.uniform(*GREEN_S, size=len(town.intersections))[crossing]
     half_s = green_s + AMBER_S + ALL_RED_S
     start = rng.uniform(0.0, 1.0, size=len(town.intersections))[crossing] * 2 * half_s
-    phase = np.array([signal.phase for signal in town.signals], dtype=np.int64)
-    return SignalPlan(green_s, start + phase * half_s)
+    phase = np.array([signal.phase for signal in town.signals], dtype=np.float64)
+    shift_s = np.asarray(start + phase * half_s, dtype=np.float64)
+    return SignalPlan(green_s, shift_s)

@@ -19,7 +19,8 @@ class Light:
         horizon_rgb, zenith_rgb: [3] colours of the sky; haze takes the horizon's.
         haze_m: Distance over which contrast falls to 1/e.
         shadow: What is left of the light in a shadow of the sun, 0 to 1.
-        headlamps: Strength of the ego's own lamps; others' burn where it is above 0.
+        are_lamps_lit: Whether cars drive with their lamps on.
+        headlamps: What the ego's own lamps add to the light around; 0 where daylight drowns it.
         street_lamps: Strength of the lamp posts.
         lit_windows: Share of windows with light behind them.
         wetness: 0 dry, 1 wet: the road darkens and mirrors the sky.
@@ -35,6 +36,7 @@ class Light:
     zenith_rgb: Float32Array
     haze_m: float
     shadow: float
+    are_lamps_lit: bool = False
     headlamps: float = 0.0
     street_lamps: float = 0.0
     lit_windows: float = 0.0
@@ -64,20 +66,20 @@ def light_of(look: Look) -> Light:
         wet = 1.0 if look.is_raining else 0.0
         return Light(
             sun, rgb(0.004, 0.005, 0.008), rgb(0.016, 0.019, 0.030), rgb(0.020, 0.021, 0.030),
-            rgb(0.004, 0.005, 0.011), 160.0, 1.0, headlamps=1.0, street_lamps=1.0, lit_windows=0.35,
+            rgb(0.004, 0.005, 0.011), 160.0, 1.0, are_lamps_lit=True, headlamps=1.0, street_lamps=1.0, lit_windows=0.35,
             wetness=wet, noise=0.022, lamp_gain=1.3,
         )  # fmt: skip
     if look.is_raining:
         dim = 0.5 if look.daylight == "dusk" else 1.0
         return Light(
             sun, dim * rgb(0.05, 0.05, 0.05), dim * rgb(0.44, 0.46, 0.50), dim * rgb(0.50, 0.53, 0.57),
-            dim * rgb(0.36, 0.39, 0.44), 95.0, 0.92, headlamps=0.06, street_lamps=0.08 / dim - 0.08,
+            dim * rgb(0.36, 0.39, 0.44), 95.0, 0.92, are_lamps_lit=True, headlamps=0.0 if dim == 1.0 else 0.15, street_lamps=0.08 / dim - 0.08,
             lit_windows=0.15, wetness=1.0, cloudiness=0.12, noise=0.013, lamp_gain=1.0,
         )  # fmt: skip
     if look.daylight == "dusk":
         return Light(
             sun, rgb(0.40, 0.24, 0.13), rgb(0.17, 0.17, 0.23), rgb(0.72, 0.47, 0.34),
-            rgb(0.15, 0.19, 0.33), 330.0, 0.55, headlamps=0.15, street_lamps=0.12, lit_windows=0.22,
+            rgb(0.15, 0.19, 0.33), 330.0, 0.55, are_lamps_lit=True, headlamps=0.15, street_lamps=0.12, lit_windows=0.22,
             cloudiness=0.25, noise=0.013, lamp_gain=1.1,
         )  # fmt: skip
     return Light(

@@ -41,9 +41,9 @@ class RoadKind:
         return self.lanes * self.lane_m + self.shoulder_m
 
 
-NARROW = RoadKind("narrow", 1, 3.0, 0.3, 6.0)
-NORMAL = RoadKind("normal", 1, 3.5, 0.5, 9.0)
-WIDE = RoadKind("wide", 2, 3.6, 0.5, 12.5)
+NARROW = RoadKind("narrow", 1, 3.0, 0.3, 6.5)
+NORMAL = RoadKind("normal", 1, 3.5, 0.5, 9.5)
+WIDE = RoadKind("wide", 2, 3.6, 0.5, 13.0)
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class Plan:
 
 
 def plan_town(rng: np.random.Generator) -> Plan:
-    """A jittered grid without dead ends, some edges taken out, joined by straight and bent roads."""
+    """A jittered grid without dead ends, some edges taken out; straight and bent roads."""
     while True:
         plan = _try_plan(rng)
         if plan is not None:
@@ -128,7 +128,7 @@ def _try_plan(rng: np.random.Generator) -> Plan | None:
             if chain[0] < chain[-1]:
                 chains.append(chain)
     kinds = [
-        WIDE if (min(c[:2]), max(c[:2])) in wide else (NARROW if rng.random() < 0.3 else NORMAL)
+        WIDE if (min(c[:2]), max(c[:2])) in wide else (NARROW if rng.random() < 0.2 else NORMAL)
         for c in chains
     ]
 
@@ -178,7 +178,7 @@ def _try_plan(rng: np.random.Generator) -> Plan | None:
             np.hypot(*forward.T) < 6.0
         ):
             return None
-        bends = rng.uniform(12.0, 30.0, size=len(inner)) + (8.0 if kind is WIDE else 0.0)
+        bends = rng.uniform(14.0, 32.0, size=len(inner)) + (8.0 if kind is WIDE else 0.0)
         radii = np.concatenate([[90.0], bends, [90.0]])
         straight_m = STRAIGHT_APPROACH_M - 4.0
         keep_m = (trims[r, True] + straight_m, trims[r, False] + straight_m)
@@ -191,7 +191,7 @@ def _wide_edges(edges: list[tuple[Node, Node]], rng: np.random.Generator) -> set
     """One or two whole lines of the grid become wide roads."""
     lines = [(0, 1), (0, 2), (1, 1), (1, 2)]
     rng.shuffle(lines)
-    chosen = lines[: 1 if rng.random() < 0.4 else 2]
+    chosen = lines[: 1 if rng.random() < 0.2 else 2]
     return {
         (a, b) for a, b in edges for axis, at in chosen if a[axis] == at and b[axis] == at
     }  # fmt: skip
@@ -200,7 +200,7 @@ def _wide_edges(edges: list[tuple[Node, Node]], rng: np.random.Generator) -> set
 def _remove_edges(
     edges: list[tuple[Node, Node]], keep: set[tuple[Node, Node]], rng: np.random.Generator
 ) -> list[tuple[Node, Node]]:
-    """Take out a few edges, not the outermost, so that no place is left with fewer than two and all stay connected."""
+    """Take out a few inner edges; every place keeps two at least and all stay connected."""
     edges = list(edges)
     wanted = int(rng.integers(1, 4))
     rim = (0, GRID_NODES - 1)

@@ -25,11 +25,12 @@ MOUTH_TO_CROSSWALK_M = 1.0
 CROSSWALK_TO_STOP_M = 1.2
 PARKING_M = 2.2
 PAVEMENT_M = 3.0
-KERB_RADIUS_M = 5.0
-SIGNALLED_SHARE = {3: 0.75, 4: 1.0}
+KERB_RADIUS_M = 6.5
+POLE_ROOM_M = 0.5
+SIGNALLED_SHARE = {3: 0.8, 4: 1.0}
 # Nobody has right of way there, so everybody slows down.
-UNSIGNALLED_LIMIT_MPS = 6.0
-TURN_LIMIT_MPS = {"left": 4.8, "right": 4.2}
+UNSIGNALLED_LIMIT_MPS = 7.0
+TURN_LIMIT_MPS = {"left": 5.2, "right": 4.6}
 
 Turn = Literal["straight", "left", "right"]
 
@@ -84,8 +85,10 @@ def make_town(seed: int) -> Town:
     bodies = [_strip(r.plan.middle_m, r.plan.kind.half_m) for r in roads]
     road = shapely.union_all(bodies)
     road = road.buffer(KERB_RADIUS_M, quad_segs=6).buffer(-KERB_RADIUS_M, quad_segs=6)
+    poles_off = road.buffer(POLE_ROOM_M)
+    shapely.prepare(poles_off)
     for middle_m, arms in zip(plan.middles_m, plan.arms, strict=True):
-        _build_intersection(draft, plan, roads, middle_m, arms, road, rng)
+        _build_intersection(draft, plan, roads, middle_m, arms, road, poles_off, rng)
     for r in roads:
         _paint_along(draft, r)
         _cross_midway(draft, r, rng)
@@ -158,6 +161,7 @@ def _build_intersection(
     middle_m: FloatArray,
     arms: tuple[Arm, ...],
     road_area: shapely.Geometry,
+    poles_off: shapely.Geometry,
     rng: np.random.Generator,
 ) -> None:
     """Add its paths, crosswalks, stop lines and lights; all arms get the same."""
@@ -179,7 +183,7 @@ def _build_intersection(
         signal = None
         if is_signalled:
             signal = len(draft.signals)
-            draft.signals.append(_place_lights(middle_m, arm, roads, road_area))
+            draft.signals.append(_place_lights(middle_m, arm, roads, poles_off))
         stop_back_m = MOUTH_TO_CROSSWALK_M + CROSSWALK_M + CROSSWALK_TO_STOP_M
         for lane in roads[arm.road].inbound(arm):
             stop_m = arc_lengths(draft.lanes[lane].centreline_m)[-1] - stop_back_m
@@ -228,7 +232,7 @@ def _connect(
     intersection: int,
     is_signalled: bool,
 ) -> None:
-    """Add the paths from one arm to another: left turns from the left lane, right from the right."""
+    """Add the paths from one arm to another: left from the left lane, right from the right."""
     turn = _turn(arm, other)
     sources = roads[arm.road].inbound(arm)
     targets = roads[other.road].outbound(other)
@@ -312,7 +316,7 @@ def _note_crosswalk(draft: _Draft, lane: int, crosswalk: int, at_m: float) -> No
 def _cross_midway(draft: _Draft, road: _Road, rng: np.random.Generator) -> None:
     """Perhaps a crosswalk between intersections."""
     length_m = arc_lengths(road.middle_m)[-1]
-    wanted = rng.random() < 0.45
+    wanted = rng.random() < 0.3
     at_m = length_m * rng.uniform(0.42, 0.58)
     if length_m < 48.0 or not wanted:
         return
@@ -355,26 +359,20 @@ def _place_lights(
     middle_m: FloatArray,
     arm: Arm,
     roads: tuple[_Road, ...],
-    road_area: shapely.Geometry,
+    poles_off: shapely.Geometry,
 ) -> Signal:
     """Two heads: one on the near right corner, one beyond the intersection over the lane."""
     ahead = -arm.outward
     right = np.array([ahead[1], -ahead[0]])
     kind = roads[arm.road].plan.kind
     side_m = kind.half_m + 0.8
-    near_feet = [
-        middle_m + arm.outward * (arm.trim_m + 0.4) + right * (side_m + more_m)
-        for more_m in np.arange(0.0, 8.0, 0.4)
-    ]
-    far_feet = [
-        middle_m + ahead * ahead_m + right * (side_m + more_m)
-        for more_m in np.arange(0.0, 8.0, 0.5)
-        for ahead_m in np.arange(7.0, 24.0, 0.5)
-    ]
+    more_m = np.arange(0.0, 8.0, 0.5)
     feet = []
-    for candidates in (near_feet, far_feet):
-        is_clear = ~shapely.dwithin(road_area, shapely.points(np.array(candidates)), 0.5)
-        feet.append(candidates[int(np.argmax(is_clear))])
+    for ahead_m in (np.array([-arm.trim_m - 0.4]), np.arange(7.0, 24.0, 0.5)):
+        sideways_m, forward_m = (g.ravel() for g in np.meshgrid(more_m, ahead_m, indexing="ij"))
+        places_m = middle_m + np.outer(forward_m, ahead) + np.outer(sideways_m + side_m, right)
+        is_clear = ~shapely.contains_xy(poles_off, *places_m.T)
+        feet.append(places_m[int(np.argmax(is_clear))])
     over = middle_m + ahead * ((feet[1] - middle_m) @ ahead) + right * kind.lane_m * kind.lanes / 2
     heads = np.array([[*feet[0], 3.0], [*over, 5.2]])
     facing_rad = float(np.arctan2(arm.outward[1], arm.outward[0]))

@@ -13,6 +13,8 @@ Road = tuple[FloatArray, RoadKind]
 PARKING_SHARE = {"narrow": 0.75, "normal": 0.3, "wide": 0.0}
 # No parking near a stop line: the mouth, the crosswalk and 12 m more.
 NO_PARKING_M = 17.0
+# How far from the kerb things keep.
+ROAD_ROOM_M = {"lamp_post": 0.35, "bin": 0.4, "tree": 1.0, "bush": 3.0}
 
 
 def park_cars(
@@ -83,11 +85,9 @@ def furnish(
         signals: Their poles are kept clear.
         rng: Source of chance.
     """
-    taken = road.union(pavement).buffer(0.3)
+    taken = shapely.union(road, pavement).buffer(0.3)
     buildings = _build_houses(size_m, taken, roads, rng)
-    shapely.prepare(road)
     houses = shapely.union_all([shapely.Polygon(b.outline_m) for b in buildings])
-    shapely.prepare(houses)
     poles = np.concatenate([s.pole_feet_m for s in signals]) if signals else np.zeros((0, 2))
     props = _plant(size_m, road, houses, roads, poles, rng)
     return buildings, props
@@ -98,10 +98,10 @@ def _build_houses(
 ) -> tuple[Building, ...]:
     shapely.prepare(taken)
     buildings: list[Building] = []
-    shapes: list[shapely.Geometry] = []
+    shapes = np.empty(2000, dtype=object)
     for middle_m, kind in roads:
         for side in (-1.0, 1.0):
-            # Parallel to a bend on its inner side the line may fold; houses that overlap are dropped.
+            # On the inner side of a bend houses would overlap; those are dropped.
             length_m = arc_lengths(middle_m)[-1]
             setback_m = kind.half_m + 3.3 + rng.uniform(0.3, 4.0)
             height_m = rng.uniform(5.0, 16.0)
@@ -126,11 +126,11 @@ def _build_houses(
                 inside = outline.min() > 1.0 and outline.max() < size_m - 1.0
                 if (
                     inside
-                    and not taken.intersects(shape)
-                    and not (shapes and shapely.intersects(np.array(shapes), shape).any())
+                    and not shapely.intersects(taken, shape)
+                    and not shapely.intersects(shapes[: len(buildings)], shape).any()
                 ):
+                    shapes[len(buildings)] = shape
                     buildings.append(Building(outline, tall_m, style))
-                    shapes.append(shape)
                     s_m += front_m + gap_m
                 else:
                     s_m += 4.0
@@ -147,17 +147,31 @@ def _plant(
 ) -> tuple[Prop, ...]:
     props: list[Prop] = []
 
-    def stand(kind: str, at: FloatArray, height_m: float, radius_m: float, room_m: float) -> None:
-        point = shapely.Point(at)
+    off_road: dict[float, shapely.Geometry] = {}
+    for room_m in ROAD_ROOM_M.values():
+        off_road[room_m] = shapely.buffer(road, room_m, quad_segs=4)
+        shapely.prepare(off_road[room_m])
+    off_houses = {
+        is_big: shapely.buffer(houses, 0.8 if is_big else 0.2) for is_big in (False, True)
+    }
+    for area in off_houses.values():
+        shapely.prepare(area)
+    spots = np.zeros((0, 3))
+
+    def stand(kind: str, at: FloatArray, height_m: float, radius_m: float) -> None:
+        nonlocal spots
         style = int(rng.integers(1 << 16))
-        if not (0 < at.min() and at.max() < size_m) or shapely.dwithin(road, point, room_m):
+        if not (at.min() > 0 and at.max() < size_m):
             return
-        if shapely.dwithin(houses, point, min(radius_m, 0.8)):
+        if shapely.contains_xy(off_road[ROAD_ROOM_M[kind]], *at):
+            return
+        if shapely.contains_xy(off_houses[radius_m > 0.5], *at):
             return
         if len(poles_m) and np.hypot(*(poles_m - at).T).min() < 1.2 + radius_m:
             return
-        if any(np.hypot(*(p.xy_m - at)) < 0.8 * (p.radius_m + radius_m) for p in props[-60:]):
+        if np.any(np.hypot(*(spots[:, :2] - at).T) < 0.8 * (spots[:, 2] + radius_m)):
             return
+        spots = np.concatenate([spots, [[*at, radius_m]]])
         props.append(Prop(kind, at, height_m, radius_m, style))  # type: ignore[arg-type]
 
     for middle_m, kind in roads:
@@ -171,22 +185,22 @@ def _plant(
             for s_m in np.arange(6.0 if side < 0 else 18.0, length_m, 26.0):
                 i = int(np.argmin(np.abs(s_of - s_m)))
                 at = middle_m[i] + side * sideways[i] * offset_m
-                stand("lamp_post", at, 6.5, 0.1, 0.35)
+                stand("lamp_post", at, 6.5, 0.1)
             for s_m in np.arange(9.0, length_m - 6.0, spacing_m if is_lined else 31.0):
                 i = int(np.argmin(np.abs(s_of - s_m - rng.uniform(-1.5, 1.5))))
                 height_m = rng.uniform(4.5, 8.0)
                 back_m = 1.2 if is_lined else rng.uniform(3.5, 7.0)
                 at = middle_m[i] + side * sideways[i] * (offset_m + back_m)
-                stand("tree", at, height_m, float(rng.uniform(1.2, 2.0)), 1.0)
+                stand("tree", at, height_m, float(rng.uniform(1.2, 2.0)))
             for _ in range(int(rng.integers(0, 4))):
                 i = int(rng.integers(len(middle_m)))
                 at = middle_m[i] + side * sideways[i] * (offset_m + rng.uniform(0.1, 0.5))
-                stand("bin", at, 1.0, 0.3, 0.4)
+                stand("bin", at, 1.0, 0.3)
             for _ in range(int(rng.integers(0, 5))):
                 i = int(rng.integers(len(middle_m)))
                 at = middle_m[i] + side * sideways[i] * (offset_m + rng.uniform(2.6, 6.0))
-                stand("bush", at, float(rng.uniform(0.6, 1.3)), float(rng.uniform(0.5, 1.0)), 3.0)
+                stand("bush", at, float(rng.uniform(0.6, 1.3)), float(rng.uniform(0.5, 1.0)))
     for _ in range(160):
         at = rng.uniform(0.0, size_m, size=2)
-        stand("tree", at, float(rng.uniform(5.0, 9.0)), float(rng.uniform(1.4, 2.4)), 5.0)
+        stand("tree", at, float(rng.uniform(5.0, 9.0)), float(rng.uniform(1.4, 2.4)))
     return tuple(props)

@@ -30,8 +30,8 @@ class Solid:
         scene: What rays are cast into; None if there is no triangle.
         mesh: The triangles.
         normals: [F, 3].
-        lit_rgb: [F, 3] linear light they send out under sun and sky, or as lamps.
-        albedo_rgb: [F, 3] share of any further light they give back; 0 for lit lamps.
+        lit_rgb: [3, F] linear light they send out under sun and sky, or as lamps.
+        albedo_rgb: [3, F] share of any further light they give back; 0 for lit lamps.
         object_of_face: [F] which parked car or agent, or `NO_OBJECT`.
     """
 
@@ -140,30 +140,28 @@ def standing_solid(town: Town, light: Light) -> Solid:
     counts = [len(part.faces) for part in parts]
     normals = mesh.normals()
     solid = Solid(
-        embree_scene(mesh), mesh, normals, lit(mesh.rgb, normals, light), mesh.rgb.copy(),
+        embree_scene(mesh), mesh, normals, lit(mesh.rgb, normals, light).T.copy(), mesh.rgb.T.copy(),
         np.repeat(np.asarray(owners, np.int32), counts),
     )  # fmt: skip
     burning = (
         (mesh.material == LAMP) & (mesh.tag == models.STREET_LAMP) & (light.street_lamps > 0.02)
     )
-    solid.lit_rgb[burning] = _STREET_RGB
-    solid.albedo_rgb[burning] = 0.0
+    solid.lit_rgb[:, burning] = _STREET_RGB[:, None]
+    solid.albedo_rgb[:, burning] = 0.0
     return solid
 
 
 def light_signals(solid: Solid, state: NDArray[np.int64], light: Light) -> None:
     """Light the lamps that burn now and put out the others, in place (a town has thousands of faces)."""
-    lamp = solid.mesh.tag >= models.SIGNAL_LAMPS
-    lamp &= solid.mesh.material == LAMP
-    faces = np.flatnonzero(lamp)
+    is_lamp = (solid.mesh.tag >= models.SIGNAL_LAMPS) & (solid.mesh.material == LAMP)
+    faces = np.flatnonzero(is_lamp)
     number = solid.mesh.tag[faces] - models.SIGNAL_LAMPS
     colour = number % 3
     burns = state[number // 3] == colour
     dark = 0.03 * SIGNAL_RGB[colour] + solid.mesh.rgb[faces]
-    solid.lit_rgb[faces] = np.where(
-        burns[:, None], SIGNAL_RGB[colour] * light.lamp_gain, dark * light.ambient_rgb
-    )
-    solid.albedo_rgb[faces] = np.where(burns[:, None], 0.0, dark)
+    bright = SIGNAL_RGB[colour] * np.float32(light.lamp_gain)
+    solid.lit_rgb[:, faces] = np.where(burns[:, None], bright, dark * light.ambient_rgb).T
+    solid.albedo_rgb[:, faces] = np.where(burns[:, None], 0.0, dark).T
 
 
 def _agent_mesh(pose: AgentPose, time_s: float) -> Mesh:
@@ -246,8 +244,8 @@ def moving_solid(
     counts = [len(part.faces) for part in parts]
     empty = np.zeros((0, 3), np.float32)
     return Solid(
-        embree_scene(mesh), mesh, mesh.normals(), np.concatenate([empty, *lights]),
-        np.concatenate([empty, *albedos]), np.repeat(np.asarray(owners, np.int32), counts),
+        embree_scene(mesh), mesh, mesh.normals(), np.concatenate([empty, *lights]).T.copy(),
+        np.concatenate([empty, *albedos]).T.copy(), np.repeat(np.asarray(owners, np.int32), counts),
     )  # fmt: skip
 
 
@@ -272,9 +270,9 @@ def _light_car(
     if is_braking:
         tail |= lamp & (shape.tag == models.HIGH_BRAKE_LAMP)
         shine[tail], albedo[tail] = _BRAKE_RGB * light.lamp_gain, 0.0
-    elif light.headlamps > 0:
+    elif light.are_lamps_lit:
         shine[tail], albedo[tail] = _TAIL_RGB, 0.0
-    if light.headlamps > 0:
+    if light.are_lamps_lit:
         head = lamp & (shape.tag == models.HEAD_LAMP)
         shine[head], albedo[head] = _HEAD_RGB, 0.0
 
@@ -312,9 +310,9 @@ def burning_lamps(
             back, front = base - (length / 2 + 0.05) * ahead, base + (length / 2 + 0.05) * ahead
             if pose.is_braking:
                 add(back, -ahead, _BRAKE_RGB, 0.17)
-            elif light.headlamps > 0:
+            elif light.are_lamps_lit:
                 add(back, -ahead, _TAIL_RGB, 0.12)
-            if light.headlamps > 0:
+            if light.are_lamps_lit:
                 add(front, ahead, _HEAD_RGB, 0.15)
     if light.street_lamps > 0.02:
         for thing in town.props:

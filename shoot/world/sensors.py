@@ -1,7 +1,6 @@
 """Cameras and lidar of the synthetic city, by casting rays (Embree) and shading what they meet.
 
-A ray meets the ground plane, the standing town or something that moves, whichever is nearest. The images
-hold only what a camera would see: nothing in them depends on the ego's route or speed.
+The images hold only what a camera would see: nothing in them depends on the ego's route or speed.
 """
 
 from dataclasses import dataclass
@@ -10,16 +9,17 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from shoot.world import scenery
+from shoot.world import film, scenery
+from shoot.world.casting import SIGHT_M, Hits, cast, objects_met, trace
+from shoot.world.facades import Facades
 from shoot.world.ground import ImageArray, paint_ground
 from shoot.world.light import Light, light_of
-from shoot.world.meshes import FACADE, GLASS, SHADOW, Float32Array, Int32Array
+from shoot.world.meshes import FACADE, GLASS, Float32Array, Int32Array
 from shoot.world.recording import Look, Recording
 from shoot.world.rig import Camera, Rig, rotation_z
 from shoot.world.scenery import AgentPose, Lamps, Solid
 from shoot.world.town import FloatArray, Town
 
-SIGHT_M = 320.0
 LIDAR_REACH_M = 90.0
 _AGENT_SIGHT_M = 140.0
 
@@ -38,21 +38,32 @@ class Sweep:
 
 
 @dataclass(frozen=True)
-class _Hits:
-    """What the rays of one image met.
+class _View:
+    """One camera at one instant, in the town's frame.
 
     Attributes:
-        distance_m: [P]; `SIGHT_M` and more where nothing was met.
-        standing, moving: [P] face of that solid, or -1.
-        is_ground: [P].
-        shade: [P] share of light left by shadows of moving things on the ground.
+        camera: The camera.
+        eye_m: [3] its optical centre.
+        town_from_camera: [3, 3] its directions.
+        ego_xy_m, ego_yaw_rad: The car then.
     """
 
-    distance_m: Float32Array
-    standing: Int32Array
-    moving: Int32Array
-    is_ground: NDArray[np.bool_]
-    shade: Float32Array
+    camera: Camera
+    eye_m: FloatArray
+    town_from_camera: FloatArray
+    ego_xy_m: FloatArray
+    ego_yaw_rad: float
+
+    def project(self, points_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Pixel coordinates u, v and depth of points [P, 3]; only depths above 0 lie ahead."""
+        seen = (points_m - self.eye_m) @ self.town_from_camera
+        depth = np.maximum(seen[:, 2], 1e-3)
+        k = self.camera.pixel_from_camera
+        return (
+            k[0, 0] * seen[:, 0] / depth + k[0, 2],
+            k[1, 1] * seen[:, 1] / depth + k[1, 2],
+            seen[:, 2],
+        )
 
 
 class CitySensors:
@@ -83,10 +94,13 @@ class CitySensors:
         self._seed = seed
         self._ground = paint_ground(town, self.light, texel_m)
         self._standing: Solid = scenery.standing_solid(town, self.light)
-        self._facade = _Facades(self._standing, town)
-        self._rays = {camera.channel: camera.rays_camera() for camera in rig.cameras}
+        self._facades = Facades(self._standing, town)
+        self._rays = {camera.channel: camera.rays_camera().T.copy() for camera in rig.cameras}
         self._beams, self._rings = rig.rays_lidar()
+        self._moving_at_s = float("nan")
+        self._moving = self._standing
         self._clouds = _smooth_noise(np.random.default_rng([town.seed, 5]))
+        self._grain = film.grain_tile(np.random.default_rng([seed, 6]))
 
     def image(self, camera: Camera, time_s: float) -> ImageArray:
         """Photograph the city.
@@ -100,28 +114,23 @@ class CitySensors:
         """
         x, y, yaw = scenery.ego_pose(self.recording, time_s)
         turn = rotation_z(yaw)
-        camera_m = turn @ camera.ego_from_camera[:3, 3] + np.array([x, y, 0.0])
-        town_from_camera = turn @ camera.ego_from_camera[:3, :3]
-        rays = self._rays[camera.channel] @ town_from_camera.T.astype(np.float32)
-        poses = [
-            pose
-            for pose in scenery.agent_poses(self.recording, time_s)
-            if np.hypot(*(pose.xy_m - camera_m[:2])) < _AGENT_SIGHT_M
-        ]
+        ego_xy_m = np.array([x, y])
+        eye_m = turn @ camera.ego_from_camera[:3, 3] + np.array([x, y, 0.0])
+        view = _View(camera, eye_m, turn @ camera.ego_from_camera[:3, :3], ego_xy_m, yaw)
+        rays = view.town_from_camera.astype(np.float32) @ self._rays[camera.channel]
+        poses, window = self._in_sight(scenery.agent_poses(self.recording, time_s), view)
         moving = scenery.moving_solid(poses, time_s, self.light, len(self.town.parked_cars))
         state = self._signal_state(time_s)
         scenery.light_signals(self._standing, state, self.light)
 
-        window = self._pixels_of(poses, camera, camera_m, town_from_camera)
-        hits = self._cast(camera_m, rays, moving, window)
-        ego = (np.array([x, y]), yaw)
-        linear = self._shade(camera, camera_m, rays, hits, moving, ego)
-        picture = linear.reshape(camera.height_px, camera.width_px, 3)
+        hits = cast(eye_m, np.ascontiguousarray(rays.T), self._standing, moving, window)
+        linear = self._shade(view, rays, hits, moving)
+        picture = linear.reshape(3, camera.height_px, camera.width_px)
         lamps = scenery.burning_lamps(self.town, state, poses, self.light)
-        self._add_glow(picture, lamps, moving, camera, camera_m, town_from_camera)
-        number = int(round(time_s * 1e6))
+        self._add_glow(picture, lamps, moving, view)
+        number = round(time_s * 1e6)
         rng = np.random.default_rng([self._seed, number, _channel_number(camera.channel)])
-        return _develop(picture, self.light, rng)
+        return film.develop(picture, self.light, self._grain, rng)
 
     def sweep(self, time_s: float) -> Sweep:
         """Turn the lidar once, as if in an instant."""
@@ -130,34 +139,29 @@ class CitySensors:
         lidar_m = turn @ self.rig.ego_from_lidar[:3, 3] + np.array([x, y, 0.0])
         town_from_lidar = turn @ self.rig.ego_from_lidar[:3, :3]
         beams = self._beams @ town_from_lidar.T.astype(np.float32)
-        poses = scenery.agent_poses(self.recording, time_s)
-        moving = scenery.moving_solid(poses, time_s, self.light, len(self.town.parked_cars), False)
-        hits = self._cast(lidar_m, beams, moving, None)
-        rng = np.random.default_rng([self._seed, int(round(time_s * 1e6)), 99])
+        moving = self._moving_near(lidar_m, time_s)
+        hits = cast(lidar_m, beams, self._standing, moving)
+        rng = np.random.default_rng([self._seed, round(time_s * 1e6), 99])
         loss = 0.03 + 0.12 * self.light.wetness
         kept = (hits.distance_m < LIDAR_REACH_M) & (rng.random(len(beams)) > loss)
         # A flat beam on the road returns next to nothing.
         kept &= ~hits.is_ground | (hits.distance_m < 45.0)
-        noise_m = rng.normal(0.0, 0.015, len(beams)).astype(np.float32)
-        distance = hits.distance_m + noise_m
+        distance = hits.distance_m + rng.normal(0.0, 0.015, len(beams)).astype(np.float32)
         albedo = np.full(len(beams), 0.14, np.float32)
-        objects = np.full(len(beams), scenery.NO_OBJECT, np.int32)
         for faces, solid in ((hits.standing, self._standing), (hits.moving, moving)):
             met = np.flatnonzero(faces >= 0)
             albedo[met] = solid.mesh.rgb[faces[met]].mean(axis=1)
-            objects[met] = solid.object_of_face[faces[met]]
-        intensity = np.clip(albedo * 180.0 + rng.normal(0, 3, len(beams)), 0, 255).astype(
-            np.float32
-        )
+        intensity = np.clip(albedo * 180.0 + rng.normal(0, 3, len(beams)), 0, 255)
         points = np.column_stack(
             [self._beams * distance[:, None], np.round(intensity), self._rings]
         )
+        objects = objects_met(hits, self._standing, moving)
         return Sweep(np.asarray(points[kept], np.float32), objects[kept])
 
     def visible_share(
         self, points_m: FloatArray, time_s: float, object_ids: Int32Array
     ) -> FloatArray:
-        """Share of each object's points that the ego sees from its roof.
+        """Share of each object's points that can be seen from the ego's roof.
 
         Args:
             points_m: [K, S, 3] points inside each object, in the town's frame.
@@ -167,362 +171,207 @@ class CitySensors:
         Returns:
             [K] shares from 0 to 1.
         """
-        x, y, yaw = scenery.ego_pose(self.recording, time_s)
-        eye = rotation_z(yaw) @ np.array([1.0, 0.0, 1.6]) + np.array([x, y, 0.0])
         count, samples = points_m.shape[:2]
         if count == 0:
             return np.zeros(0)
-        away = points_m.reshape(-1, 3) - eye
+        x, y, yaw = scenery.ego_pose(self.recording, time_s)
+        eye_m = rotation_z(yaw) @ np.array([1.0, 0.0, 1.6]) + np.array([x, y, 0.0])
+        away = points_m.reshape(-1, 3) - eye_m
         distance = np.linalg.norm(away, axis=1)
         rays = np.asarray(away / distance[:, None], np.float32)
-        poses = scenery.agent_poses(self.recording, time_s)
-        moving = scenery.moving_solid(poses, time_s, self.light, len(self.town.parked_cars), False)
-        met = np.full(len(rays), scenery.NO_OBJECT, np.int32)
-        hits = self._cast(eye, rays, moving, None)
-        for faces, solid in ((hits.standing, self._standing), (hits.moving, moving)):
-            on = np.flatnonzero(faces >= 0)
-            met[on] = solid.object_of_face[faces[on]]
-        own = np.repeat(object_ids, samples)
-        seen = (met == own) | (hits.distance_m > distance)
+        moving = self._moving_near(eye_m, time_s)
+        hits = cast(eye_m, rays, self._standing, moving)
+        met = objects_met(hits, self._standing, moving)
+        seen = (met == np.repeat(object_ids, samples)) | (hits.distance_m > distance)
         return np.asarray(seen.reshape(count, samples).mean(axis=1), np.float64)
+
+    def _moving_near(self, eye_m: FloatArray, time_s: float) -> Solid:
+        """What moves near the ego, without shadows; kept, as it is asked for twice a keyframe."""
+        if self._moving_at_s == time_s:
+            return self._moving
+        poses = [
+            pose
+            for pose in scenery.agent_poses(self.recording, time_s)
+            if np.hypot(*(pose.xy_m - eye_m[:2])) < LIDAR_REACH_M + 10.0
+        ]
+        self._moving = scenery.moving_solid(
+            poses, time_s, self.light, len(self.town.parked_cars), with_shadows=False
+        )
+        self._moving_at_s = time_s
+        return self._moving
 
     def _signal_state(self, time_s: float) -> NDArray[np.int64]:
         last = len(self.recording.signal_state) - 1
-        step = min(max(int(round(time_s / self.recording.dt_s)), 0), last)
+        step = min(max(round(time_s / self.recording.dt_s), 0), last)
         return self.recording.signal_state[step]
 
-    def _pixels_of(
-        self,
-        poses: list[AgentPose],
-        camera: Camera,
-        camera_m: FloatArray,
-        town_from_camera: FloatArray,
-    ) -> Int32Array:
-        """Pixels that something moving (or its shadow) may cover."""
+    def _in_sight(
+        self, poses: list[AgentPose], view: _View
+    ) -> tuple[list[AgentPose], Int32Array]:
+        """Agents that may be in the picture, and the pixels they and their shadows may cover."""
+        camera = view.camera
         mask = np.zeros((camera.height_px, camera.width_px), bool)
+        if not poses:
+            return [], np.zeros(0, np.int32)
         sun = self.light.sun_direction
-        cast = 0.0 if self.light.shadow >= 0.9 else 1.0 / max(float(sun[2]), 0.25)
-        for pose in poses:
-            length, width, height = pose.agent.size_m
-            half = np.hypot(length, width) / 2 + 0.2
-            corners = [
-                [pose.xy_m[0] + sx * half, pose.xy_m[1] + sy * half, z]
-                for sx in (-1, 1)
-                for sy in (-1, 1)
-                for z in (0.0, height)
-            ]
-            if cast > 0:
-                slide = -sun[:2] * cast * 0.8 * height
-                corners += [[c[0] + slide[0], c[1] + slide[1], 0.0] for c in corners[::2]]
-            seen = (np.asarray(corners) - camera_m) @ town_from_camera
-            if np.all(seen[:, 2] < 0.1):
-                continue
-            if np.any(seen[:, 2] < 0.3):
-                # Something reaches behind the image plane: its outline has no bounds.
-                if np.hypot(*(pose.xy_m - camera_m[:2])) < half + 8:
-                    mask[:] = True
-                    break
-                seen[:, 2] = np.maximum(seen[:, 2], 0.3)
-            k = camera.pixel_from_camera
-            u = k[0, 0] * seen[:, 0] / seen[:, 2] + k[0, 2]
-            v = k[1, 1] * seen[:, 1] / seen[:, 2] + k[1, 2]
-            left, right = max(int(u.min()) - 1, 0), min(int(u.max()) + 3, camera.width_px)
-            top, bottom = max(int(v.min()) - 1, 0), min(int(v.max()) + 3, camera.height_px)
-            if left < right and top < bottom:
-                mask[top:bottom, left:right] = True
-        return np.flatnonzero(mask).astype(np.int32)
+        cast_m = 0.0 if self.light.shadow >= 0.9 else 0.8 / max(float(sun[2]), 0.25)
+        places = np.stack([pose.xy_m for pose in poses])
+        sizes = np.stack([pose.agent.size_m for pose in poses])
+        radius = np.hypot(sizes[:, 0], sizes[:, 1]) / 2 + 0.2
+        square = np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
+        corners = np.zeros((len(poses), 12, 3))
+        corners[..., :2] = (places[:, None] + radius[:, None, None] * square)[:, [0, 1, 2, 3] * 3]
+        corners[:, 4:8, 2] = sizes[:, 2:]
+        corners[:, 8:, :2] -= (cast_m * sizes[:, 2:] * sun[:2])[:, None]
+        seen = (corners - view.eye_m) @ view.town_from_camera
+        k = camera.pixel_from_camera
+        depth = np.maximum(seen[..., 2], 0.3)
+        u = k[0, 0] * seen[..., 0] / depth + k[0, 2]
+        v = k[1, 1] * seen[..., 1] / depth + k[1, 2]
+        left, right = u.min(axis=1) - 1, u.max(axis=1) + 3
+        top, bottom = v.min(axis=1) - 1, v.max(axis=1) + 3
+        # What reaches behind the image plane has no bounds in it, but still a side it is on.
+        cut = np.any(seen[..., 2] < 0.3, axis=1)
+        side = np.sign(seen[..., 0])
+        left[cut & ~np.all(side > 0, axis=1)] = 0
+        right[cut & ~np.all(side < 0, axis=1)] = camera.width_px
+        top[cut], bottom[cut] = 0, camera.height_px
+        near = np.hypot(*(places - view.eye_m[:2]).T) < _AGENT_SIGHT_M
+        near &= ~np.all(seen[..., 2] < 0.1, axis=1)
+        near &= (left < camera.width_px) & (right > 0) & (top < camera.height_px) & (bottom > 0)
+        for i in np.flatnonzero(near):
+            rows = slice(max(int(top[i]), 0), int(bottom[i]))
+            mask[rows, max(int(left[i]), 0) : int(right[i])] = True
+        return [poses[i] for i in np.flatnonzero(near)], np.flatnonzero(mask).astype(np.int32)
 
-    def _cast(
-        self, eye_m: FloatArray, rays: Float32Array, moving: Solid, window: Int32Array | None
-    ) -> _Hits:
-        count = len(rays)
-        down = rays[:, 2] < -1e-4
-        ground_m = np.full(count, 2 * SIGHT_M, np.float32)
-        np.divide(np.float32(-eye_m[2]), rays[:, 2], out=ground_m, where=down)
-        np.minimum(ground_m, 2 * SIGHT_M, out=ground_m)
-        reach = np.minimum(ground_m, SIGHT_M)
-        standing = np.full(count, -1, np.int32)
-        distance = ground_m.copy()
-        if self._standing.scene is not None:
-            standing, met_m = _trace(self._standing.scene, eye_m, rays, reach)
-            distance = np.where(standing >= 0, met_m, ground_m)
-        on_moving = np.full(count, -1, np.int32)
-        shade = np.ones(count, np.float32)
-        if moving.scene is not None and (window is None or len(window)):
-            chosen = np.arange(count, dtype=np.int32) if window is None else window
-            face, met_m = _trace(
-                moving.scene, eye_m, rays[chosen], np.minimum(distance[chosen], SIGHT_M)
-            )
-            is_shadow = (face >= 0) & (moving.mesh.material[face] == SHADOW)
-            dark = chosen[is_shadow]
-            on_the_ground = standing[dark] < 0
-            shade[dark[on_the_ground]] = moving.lit_rgb[face[is_shadow][on_the_ground], 0]
-            solid = (face >= 0) & ~is_shadow
-            on_moving[chosen[solid]] = face[solid]
-            distance[chosen[solid]] = met_m[solid]
-            standing[chosen[solid]] = -1
-        is_ground = (standing < 0) & (on_moving < 0) & (ground_m < 1.5 * SIGHT_M)
-        return _Hits(distance, standing, on_moving, is_ground, shade)
-
-    def _shade(
-        self,
-        camera: Camera,
-        camera_m: FloatArray,
-        rays: Float32Array,
-        hits: _Hits,
-        moving: Solid,
-        ego: tuple[FloatArray, float],
-    ) -> Float32Array:
-        light = self.light
-        eye = camera_m.astype(np.float32)
-        pixel_rad = np.float32(1.0 / camera.pixel_from_camera[0, 0])
-        rgb = np.empty((len(rays), 3), np.float32)
-        albedo = np.zeros((len(rays), 3), np.float32) if light.headlamps > 0 else None
+    def _shade(self, view: _View, rays: Float32Array, hits: Hits, moving: Solid) -> Float32Array:
+        """Linear light [3, P] that comes back along rays [3, P]."""
+        # Colours are kept as three planes: numpy is several times faster on them than on triples.
+        light, eye = self.light, view.eye_m.astype(np.float32)
+        pixel_rad = np.float32(1.0 / view.camera.pixel_from_camera[0, 0])
+        rgb = np.empty(rays.shape, np.float32)
+        albedo = np.zeros(rays.shape, np.float32) if light.headlamps > 0 else None
 
         ground = np.flatnonzero(hits.is_ground)
-        distance = hits.distance_m[ground]
-        beams = rays[ground]
-        xy = eye[:2] + beams[:, :2] * distance[:, None]
-        colour = self._ground.colours(xy, beams, distance * pixel_rad)
+        distance, beams = hits.distance_m[ground], rays[:, ground]
+        places = eye[:2, None] + beams[:2] * distance
+        colour = self._ground.colours(places, beams, distance * pixel_rad)
         if light.wetness > 0:
             colour *= np.float32(1 - 0.42 * light.wetness)
         full = light.ambient_rgb + np.float32(light.sun_direction[2]) * light.sun_rgb
-        rgb[ground] = colour * (hits.shade[ground, None] * full)
-        if albedo is not None:
-            albedo[ground] = colour
+        shone = colour * full[:, None]
+        shone *= hits.shade[ground]
         if light.wetness > 0:
-            mirror = 0.04 + 0.55 * np.power(1 + beams[:, 2:3], 4)
-            rgb[ground] += np.float32(light.wetness) * mirror * light.horizon_rgb * 0.8
+            steep = 1 + beams[2]
+            mirror = np.float32(0.04) + np.float32(0.5) * steep * steep * steep * steep
+            shone += np.float32(0.8 * light.wetness) * light.horizon_rgb[:, None] * mirror
+        rgb[:, ground] = shone
+        if albedo is not None:
+            albedo[:, ground] = colour
 
         for faces, solid in ((hits.standing, self._standing), (hits.moving, moving)):
             met = np.flatnonzero(faces >= 0)
             face = faces[met]
-            rgb[met] = solid.lit_rgb[face]
+            shone = np.take(solid.lit_rgb, face, axis=1)
             if albedo is not None:
-                albedo[met] = solid.albedo_rgb[face]
+                albedo[:, met] = np.take(solid.albedo_rgb, face, axis=1)
             material = solid.mesh.material[face]
             glass = np.flatnonzero(material == GLASS)
             if len(glass):
                 # Panes mirror a little of the sky.
-                tilt = np.clip(solid.normals[face[glass], 2:3], 0, 1)
-                rgb[met[glass]] += (0.06 + 0.30 * tilt) * light.horizon_rgb
-            if solid is self._standing:
-                wall = np.flatnonzero(material == FACADE)
-                where = met[wall]
-                points = eye + rays[where] * hits.distance_m[where, None]
-                rgb[where] = self._facade.colours(
-                    points, face[wall], rgb[where], hits.distance_m[where] * pixel_rad, light
+                tilt = np.clip(solid.normals[face[glass], 2], 0, 1)
+                shone[:, glass] += light.horizon_rgb[:, None] * (
+                    np.float32(0.06) + np.float32(0.3) * tilt
                 )
+            wall = np.flatnonzero(material == FACADE)
+            if len(wall):
+                where = met[wall]
+                away = hits.distance_m[where]
+                points = eye[:, None] + rays[:, where] * away
+                shone[:, wall] = self._facades.colours(
+                    points, face[wall], shone[:, wall], away * pixel_rad, light
+                )
+            rgb[:, met] = shone
 
         sky = np.flatnonzero(hits.distance_m >= SIGHT_M)
-        rgb[sky] = self._sky(rays[sky])
         if albedo is not None:
-            albedo[sky] = 0
-            rgb += albedo * self._lamp_light(eye, rays, hits.distance_m, ego)[:, None]
-        near = np.exp(-hits.distance_m / np.float32(light.haze_m))
-        near[sky] = 1.0
-        rgb *= near[:, None]
-        rgb += (1 - near[:, None]) * light.horizon_rgb
+            rgb[:, sky] = 0.0
+            rgb += albedo * self._lamp_light(view, rays, hits.distance_m)
+        clear = np.exp(hits.distance_m * np.float32(-1 / light.haze_m))
+        rgb -= light.horizon_rgb[:, None]
+        rgb *= clear
+        rgb += light.horizon_rgb[:, None]
+        rgb[:, sky] = self._sky(rays[:, sky])
         return rgb
 
     def _lamp_light(
-        self,
-        eye: Float32Array,
-        rays: Float32Array,
-        distance_m: Float32Array,
-        ego: tuple[FloatArray, float],
+        self, view: _View, rays: Float32Array, distance_m: Float32Array
     ) -> Float32Array:
         """Light of street lamps and of the ego's headlamps where the rays end, [P]."""
-        reach = np.minimum(distance_m, 200.0)[:, None]
-        points = eye + rays * reach
-        total = self._ground.glow(points[:, :2])
-        total *= np.exp(-np.maximum(points[:, 2] - 4.0, 0) / 3.0)
-        (x, y), yaw = ego
-        cos, sin = np.float32(np.cos(yaw)), np.float32(np.sin(yaw))
-        dx, dy = points[:, 0] - np.float32(x), points[:, 1] - np.float32(y)
-        ahead, left = cos * dx + sin * dy - 2.6, cos * dy - sin * dx
-        ahead_or_0 = np.maximum(ahead, 0)
-        beam = np.exp(-np.square(left / (1.2 + 0.42 * ahead_or_0)))
-        beam *= np.exp(-np.maximum(points[:, 2] - 0.7 - 0.02 * ahead_or_0, 0) / 0.9)
-        beam *= (ahead > 0) / (1 + np.square(ahead_or_0 / 17.0))
+        reach = np.minimum(distance_m, np.float32(200.0))
+        x, y, z = view.eye_m.astype(np.float32)[:, None] + rays * reach
+        total = self._ground.glow(x, y)
+        total *= np.exp(np.minimum((4 - z) / 3, 0))
+        cos, sin = np.float32(np.cos(view.ego_yaw_rad)), np.float32(np.sin(view.ego_yaw_rad))
+        dx, dy = x - np.float32(view.ego_xy_m[0]), y - np.float32(view.ego_xy_m[1])
+        ahead, left = cos * dx + sin * dy - np.float32(2.6), cos * dy - sin * dx
+        forward = np.maximum(ahead, 0)
+        spread = left / (np.float32(1.2) + np.float32(0.42) * forward)
+        rise = np.maximum(z - np.float32(0.7) - np.float32(0.02) * forward, 0)
+        beam = np.exp(-(spread * spread) - rise / np.float32(0.9))
+        beam /= 1 + np.square(forward / np.float32(17.0))
+        beam *= ahead > 0
         return np.asarray(total + np.float32(0.75 * self.light.headlamps) * beam, np.float32)
 
     def _sky(self, rays: Float32Array) -> Float32Array:
+        """Colours [3, P] of the sky, with clouds."""
         light = self.light
-        height = np.clip(rays[:, 2:3], 0, 1)
-        blend = 1 - np.exp(-3.2 * height)
-        colour = light.horizon_rgb * (1 - blend) + light.zenith_rgb * blend
+        height = np.clip(rays[2], 0, 1)
+        blend = 1 - np.exp(np.float32(-3.2) * height)
+        colour = (
+            light.horizon_rgb[:, None] + (light.zenith_rgb - light.horizon_rgb)[:, None] * blend
+        )
         if light.cloudiness > 0:
-            scale = 60.0 / (height[:, 0] + 0.12)
+            scale = np.float32(60.0) / (height + np.float32(0.12))
             size = len(self._clouds)
-            column = (rays[:, 0] * scale).astype(np.int32) % size
-            row = (rays[:, 1] * scale).astype(np.int32) % size
-            cloud = self._clouds[row, column] * np.minimum(height[:, 0] * 6, 1)
-            bright = light.ambient_rgb + 0.6 * light.sun_rgb
-            share = np.float32(light.cloudiness) * cloud[:, None]
-            colour = colour * (1 - share) + bright * share
+            column = (rays[0] * scale).astype(np.int32) % size
+            row = (rays[1] * scale).astype(np.int32) % size
+            share = (
+                self._clouds[row, column] * np.minimum(height * 6, 1) * np.float32(light.cloudiness)
+            )
+            bright = light.ambient_rgb + np.float32(0.6) * light.sun_rgb
+            colour += share * (bright[:, None] - colour)
         return np.asarray(colour, np.float32)
 
-    def _add_glow(
-        self,
-        picture: Float32Array,
-        lamps: Lamps,
-        moving: Solid,
-        camera: Camera,
-        camera_m: FloatArray,
-        town_from_camera: FloatArray,
-    ) -> None:
+    def _add_glow(self, picture: Float32Array, lamps: Lamps, moving: Solid, view: _View) -> None:
         """Paint the glow of lit lamps that face the camera and that nothing hides."""
         if len(lamps.points_m) == 0:
             return
-        away = lamps.points_m - camera_m
-        seen = away @ town_from_camera
+        camera = view.camera
+        away = lamps.points_m - view.eye_m
         distance = np.linalg.norm(away, axis=1)
-        k = camera.pixel_from_camera
-        depth = np.maximum(seen[:, 2], 1e-3)
-        u = k[0, 0] * seen[:, 0] / depth + k[0, 2]
-        v = k[1, 1] * seen[:, 1] / depth + k[1, 2]
-        all_round = np.all(lamps.facing == 0, axis=1)
-        cosine = np.where(
-            all_round, 1.0, -np.sum(lamps.facing * away, axis=1) / np.maximum(distance, 1e-3)
-        )
+        u, v, depth = view.project(lamps.points_m)
+        towards = -np.sum(lamps.facing * away, axis=1) / np.maximum(distance, 1e-3)
+        cosine = np.where(np.any(lamps.facing != 0, axis=1), towards, 1.0)
         inside = (u > -8) & (u < camera.width_px + 8) & (v > -8) & (v < camera.height_px + 8)
-        chosen = np.flatnonzero((seen[:, 2] > 0.5) & (distance < 160.0) & (cosine > 0.1) & inside)
+        chosen = np.flatnonzero((depth > 0.5) & (distance < 160.0) & (cosine > 0.1) & inside)
         if len(chosen) == 0:
             return
         rays = np.asarray(away[chosen] / distance[chosen, None], np.float32)
         reach = np.asarray(distance[chosen] - 0.03, np.float32)
         free = np.ones(len(chosen), bool)
         for solid in (self._standing, moving):
-            if solid.scene is not None:
-                face, _ = _trace(solid.scene, camera_m, rays, reach)
-                free &= face < 0
+            free &= trace(solid, view.eye_m, rays, reach)[0] < 0
         haze = np.exp(-distance / self.light.haze_m)
+        focal_px = camera.pixel_from_camera[0, 0]
         for lamp in chosen[free]:
-            size_px = k[0, 0] * lamps.radius_m[lamp] / distance[lamp]
+            size_px = focal_px * lamps.radius_m[lamp] / distance[lamp]
             strength = min(1.0, max(0.25, (size_px / 0.5) ** 2)) * min(1.0, 2.5 * cosine[lamp])
             colour = lamps.rgb[lamp] * np.float32(strength * haze[lamp])
-            _splat(picture, float(u[lamp]), float(v[lamp]), max(0.75 * size_px, 0.5), colour)
-            if self.light.headlamps > 0:
-                wide = max(2.6 * size_px, 1.6)
-                _splat(picture, float(u[lamp]), float(v[lamp]), wide, colour * np.float32(0.14))
-
-
-def _trace(
-    scene: scenery.EmbreeScene, eye_m: FloatArray, rays: Float32Array, reach_m: Float32Array
-) -> tuple[Int32Array, Float32Array]:
-    """First face each ray meets within its reach (-1 for none), and how far away."""
-    origins = np.empty((len(rays), 3), np.float32)
-    origins[:] = eye_m
-    out = scene.run(origins, rays, dists=np.asarray(reach_m, np.float32), output=1)
-    return out["primID"], out["tfar"]
-
-
-class _Facades:
-    """Windows on the walls, from where on the wall a ray arrives."""
-
-    def __init__(self, solid: Solid, town: Town) -> None:
-        count = len(solid.mesh.faces)
-        self._tangent = np.stack([-solid.normals[:, 1], solid.normals[:, 0]], axis=1)
-        corner = solid.mesh.vertices_m[solid.mesh.faces][:, :, :2]
-        along = np.einsum("fvx,fx->fv", corner, self._tangent)
-        self._start = along.min(axis=1)
-        self._length = np.maximum(along.max(axis=1) - self._start, 1.0)
-        house = np.clip(solid.mesh.tag, 0, max(len(town.buildings) - 1, 0))
-        house[solid.mesh.material != FACADE] = 0
-        style = np.array([b.style for b in town.buildings] or [0], np.int64)[house]
-        height = np.array([b.height_m for b in town.buildings] or [0.0], np.float32)[house]
-        step = np.array([2.6, 3.4, 1.9, 4.2], np.float32)[style % 4]
-        self._step = self._length / np.maximum(np.floor(self._length / step), 1)
-        self._width = np.array([0.46, 0.62, 0.56, 0.86], np.float32)[style % 4]
-        self._floor = np.array([3.1, 3.4, 3.2, 3.6], np.float32)[style % 4]
-        self._floors = np.floor((height - 0.5) / self._floor)
-        self._tall = np.array([0.50, 0.56, 0.66, 0.46], np.float32)[style % 4]
-        self._house = house.astype(np.int64)
-        if len(self._step) != count:
-            raise AssertionError("one entry a face")
-
-    def colours(
-        self,
-        points_m: Float32Array,
-        face: Int32Array,
-        wall_rgb: Float32Array,
-        pixel_m: Float32Array,
-        light: Light,
-    ) -> Float32Array:
-        """Wall or window colours [P, 3] of points on walls; far windows melt into their mean."""
-        along = np.einsum("px,px->p", points_m[:, :2], self._tangent[face]) - self._start[face]
-        column = along / self._step[face]
-        row = points_m[:, 2] / self._floor[face]
-        column_number, row_number = np.floor(column), np.floor(row)
-        dx, dy = np.abs(column - column_number - 0.5), np.abs(row - row_number - 0.52)
-        ground_floor = row_number < 1
-        half_w = np.where(ground_floor, 0.43, self._width[face] / 2)
-        half_h = np.where(ground_floor, 0.38, self._tall[face] / 2)
-        soft_x = np.maximum(pixel_m / self._step[face], 0.01)
-        soft_y = np.maximum(pixel_m / self._floor[face], 0.01)
-        cover = np.clip((half_w - dx) / soft_x + 0.5, 0, 1) * np.clip(
-            (half_h - dy) / soft_y + 0.5, 0, 1
-        )
-        melt = np.clip(2.0 * np.maximum(soft_x, soft_y) - 0.5, 0, 1)
-        cover = cover * (1 - melt) + melt * 4 * half_w * half_h
-        cover = np.where(row_number < self._floors[face], cover, 0.0).astype(np.float32)[:, None]
-        key = (
-            column_number.astype(np.int64) * 7919
-            + row_number.astype(np.int64) * 104729
-            + self._house[face] * 1299709
-            + (self._tangent[face, 0] * 8).astype(np.int64) * 15485863
-        )
-        luck = ((key * 2654435761) % 65536).astype(np.float32)[:, None] / 65536
-        pane = (0.05 + 0.16 * luck) * light.horizon_rgb + 0.02 * light.ambient_rgb
-        warm = np.array([0.75, 0.55, 0.28], np.float32) * (0.35 + 0.65 * np.mod(luck * 7, 1.0))
-        pane = np.where(luck < light.lit_windows, np.maximum(pane, warm * 0.8), pane)
-        return np.asarray(wall_rgb * (1 - cover) + pane * cover, np.float32)
-
-
-def _splat(picture: Float32Array, u: float, v: float, sigma_px: float, rgb: Float32Array) -> None:
-    """Add a round spot of light to a linear picture, in place."""
-    reach = int(np.ceil(2.8 * sigma_px))
-    left, right = max(int(u) - reach, 0), min(int(u) + reach + 2, picture.shape[1])
-    top, bottom = max(int(v) - reach, 0), min(int(v) + reach + 2, picture.shape[0])
-    if left >= right or top >= bottom:
-        return
-    across = np.exp(-0.5 * np.square((np.arange(left, right) - u) / sigma_px)).astype(np.float32)
-    down = np.exp(-0.5 * np.square((np.arange(top, bottom) - v) / sigma_px)).astype(np.float32)
-    picture[top:bottom, left:right] += (down[:, None] * across[None, :])[..., None] * rgb
-
-
-def _develop(picture: Float32Array, light: Light, rng: np.random.Generator) -> ImageArray:
-    """Linear light to an 8-bit picture: display curve, rain on the lens, noise."""
-    shown = np.sqrt(np.clip(picture, 0.0, 1.0))
-    height, width = shown.shape[:2]
-    if light.wetness > 0:
-        _rain(shown, rng)
-    tile = rng.standard_normal((height, width), dtype=np.float32)
-    tint = rng.standard_normal((height, width), dtype=np.float32)
-    grain = np.float32(light.noise * 255)
-    shown *= 255
-    shown += (grain * tile)[..., None]
-    shown[..., 0] += 0.4 * grain * tint
-    shown[..., 2] -= 0.4 * grain * tint
-    return np.asarray(np.clip(np.rint(shown), 0, 255), np.uint8)
-
-
-def _rain(shown: Float32Array, rng: np.random.Generator) -> None:
-    """Drops on the lens: discs in which the picture is blurred and a little brighter, in place."""
-    height, width = shown.shape[:2]
-    mask = np.zeros((height, width), np.float32)
-    for _ in range(int(rng.integers(4, 12))):
-        centre = (int(rng.integers(0, width)), int(rng.integers(0, height)))
-        radius = max(int(rng.uniform(0.008, 0.022) * width), 1)
-        cv2.circle(mask, centre, radius, 0.75, -1, cv2.LINE_AA)
-    if height > 60:
-        mask = cv2.GaussianBlur(mask, (3, 3), 0.8)
-    small = cv2.resize(
-        shown, (max(width // 6, 1), max(height // 6, 1)), interpolation=cv2.INTER_AREA
-    )
-    blurred = cv2.resize(small, (width, height), interpolation=cv2.INTER_LINEAR)
-    shown += mask[..., None] * (blurred * 1.04 - shown)
+            place = (float(u[lamp]), float(v[lamp]))
+            film.add_spot(picture, *place, max(0.75 * size_px, 0.5), colour)
+            if self.light.are_lamps_lit:
+                film.add_spot(picture, *place, max(2.6 * size_px, 1.6), colour * np.float32(0.14))
 
 
 def _smooth_noise(rng: np.random.Generator) -> Float32Array:

@@ -35,7 +35,12 @@ def fixed_tables(channels: tuple[str, ...]) -> dict[str, list[Row]]:
     """Tables that are the same in every data set: categories, attributes, visibilities, sensors."""
     return {
         "category": [
-            {"token": token("category", name), "name": name, "description": text, "index": index + 1}
+            {
+                "token": token("category", name),
+                "name": name,
+                "description": text,
+                "index": index + 1,
+            }
             for index, (name, text) in enumerate(CATEGORIES.values())
         ],
         "attribute": [

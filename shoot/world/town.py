@@ -1,7 +1,8 @@
 """What stands still: lanes, crosswalks, signals, buildings and everything else of a town.
 
 All coordinates are metres in the town's own frame (x east, y north, z up, origin at its lower left
-corner); `writer` shifts them to where the town lies on its nuScenes map. Traffic drives on the right.
+corner); `writer` shifts them to where the town lies on its nuScenes map. Traffic drives on the
+right.
 """
 
 from dataclasses import dataclass
@@ -22,7 +23,8 @@ class Lane:
         lane_id: Its place in `Town.lanes`.
         centreline_m: [P, 2] points in driving direction, at most 1 m apart.
         width_m: Lane width.
-        limit_mps: Speed an unhindered driver takes on it; what tells it apart is visible (width, lines).
+        limit_mps: Speed an unhindered driver takes on it; what tells it apart is visible (width,
+            lines).
         successors: Lanes that begin where this one ends.
         left_lane, right_lane: Neighbours in the same direction, if any.
         turn: `None` on a road; else how the path crosses its intersection.

@@ -1,8 +1,9 @@
-"""Moves everybody: cars that follow lanes, lights and each other, people who cross in front of them."""
+"""Moves everybody: cars that follow lanes, lights and each other and give way to people."""
 
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shoot.world.curves import arc_lengths
 from shoot.world.driver import (
@@ -26,6 +27,8 @@ LINE_ROOM_M = 0.3
 CROSSWALK_ROOM_M = 1.0
 CROSSWALK_DEPTH_M = 3.0
 MIN_EMPTY_M = 2.5
+
+StateArray = NDArray[np.int64]
 
 
 @dataclass(eq=False)
@@ -125,7 +128,7 @@ class Traffic:
         line_m = car.route.starts_m[place - 1] + self._line_m[car.route.lanes[place - 1]]
         return place, float(line_m - car.at_m - car.front_m - LINE_ROOM_M)
 
-    def _give_up(self, states: FloatArray) -> None:
+    def _give_up(self, states: StateArray) -> None:
         """Return grants of paths that are left, and of those before which one can still stop."""
         for holds in self._holds.values():
             for car, place in list(holds):
@@ -140,7 +143,7 @@ class Traffic:
                     holds.remove((car, place))
                     car.granted = -1
 
-    def _grant(self, time_s: float, states: FloatArray) -> None:
+    def _grant(self, time_s: float, states: StateArray) -> None:
         asking: list[tuple[bool, float, int, int, float]] = []
         for i, car in enumerate(self.cars):
             place, room_m = self._gate(car)
@@ -186,7 +189,7 @@ class Traffic:
         free_m = min((self._local_m(c) - c.rear_m for c in slow), default=np.inf)
         return free_m > sum(float(c.size_m[0]) + MIN_EMPTY_M for c in [*coming, car]) + 1.0
 
-    def _has_oncoming(self, car: Car, conflicts: frozenset[int], states: FloatArray) -> bool:
+    def _has_oncoming(self, car: Car, conflicts: frozenset[int], states: StateArray) -> bool:
         """Whether somebody on a conflicting path that is no left turn comes soon, on green."""
         for other in self.cars:
             if other is car:

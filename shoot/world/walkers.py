@@ -47,10 +47,10 @@ class Walker:
     is_walking: bool = False
     trace_m: list[float] = field(default_factory=list)
 
-    @property
-    def length_m(self) -> float:
-        """Length of the whole path."""
-        return float(arc_lengths(self.path_m)[-1])
+    length_m: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.length_m = float(arc_lengths(self.path_m)[-1])
 
 
 def crosswalk_signals(town: Town) -> dict[int, int]:
@@ -130,6 +130,8 @@ def _send_across(
 def _strollers(town: Town, start_s: float, end_s: float, rng: np.random.Generator) -> list[Walker]:
     """A few people who walk beside the road and never step onto it."""
     walkers = []
+    inner = town.pavement.buffer(-0.35, quad_segs=2)
+    shapely.prepare(inner)
     outer = [lane for lane in town.lanes if lane.turn is None and lane.right_lane is None]
     for lane in outer:
         for _ in range(int(rng.poisson(0.5))):
@@ -148,7 +150,7 @@ def _strollers(town: Town, start_s: float, end_s: float, rng: np.random.Generato
                     right = np.array([along[1], -along[0]])
                     points.append(point + right * (offset_m + extra_m))
                 path = np.stack(points)[:: -1 if backward else 1]
-                if town.pavement.buffer(-0.35).contains(shapely.LineString(path)):
+                if inner.contains(shapely.LineString(path)):
                     walkers.append(Walker(path, start_s, pace_mps, style, height_m))
                     break
     return walkers
@@ -199,23 +201,22 @@ class Pavements:
         """
         states, wait_s = self._plan.states(time_s), self._plan.until_green_s(time_s)
         for c in self._by_crosswalk:
-            signal = self._signal_of.get(c)
-            self._may_walk[c] = signal is None or bool(
-                states[signal] == RED and wait_s[signal] > 4.0
-            )
+            light = self._signal_of.get(c)
+            self._may_walk[c] = light is None or bool(states[light] == RED and wait_s[light] > 4.0)
         for walker in self.walkers:
             walker.trace_m.append(walker.at_m)
             walker.is_walking = False
             if time_s < walker.start_s or walker.at_m >= walker.length_m:
                 continue
-            c = walker.crosswalk
-            if c is not None and walker.kerb_m - KERB_ROOM_M - 1e-6 <= walker.at_m < walker.kerb_m:
-                if not (self._may_walk[c] and is_safe.get(c, True)):
+            own = walker.crosswalk
+            waits_m = walker.kerb_m - KERB_ROOM_M
+            if own is not None and waits_m - 1e-6 <= walker.at_m < walker.kerb_m:
+                if not (self._may_walk[own] and is_safe.get(own, True)):
                     continue
                 walker.at_m = walker.kerb_m  # one lively first step, then no way back
             ahead_m = walker.at_m + walker.speed_mps * dt_s
             stop_m = walker.length_m
-            if c is not None and walker.at_m < walker.kerb_m - KERB_ROOM_M:
-                stop_m = walker.kerb_m - KERB_ROOM_M
+            if own is not None and walker.at_m < waits_m - 1e-6:
+                stop_m = waits_m
             walker.is_walking = True
             walker.at_m = min(ahead_m, stop_m)

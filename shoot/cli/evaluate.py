@@ -1,0 +1,60 @@
+"""shoot-evaluate: top-k planning accuracy of a run, beside the baselines, with intervals."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from shoot.cli.app import run
+from shoot.cli.render import OtherData
+from shoot.comparison import compare
+from shoot.evaluation import Report, format_table
+from shoot.prediction import open_run
+
+
+@dataclass(frozen=True)
+class EvaluateConfig:
+    """Score a trained planner on a split.
+
+    Attributes:
+        run: Run folder.
+        out: Report to write, JSON.
+        split: Scenes to score on.
+        checkpoint: `last`, or `best`: chosen by top-10 on the run's validation split.
+        templates: Template file, if not the run's own copy; refused if it holds other templates.
+        data: Data other than the run's own.
+    """
+
+    run: Annotated[str, tyro.conf.Positional]
+    out: str = "report.json"
+    split: str = "val"
+    checkpoint: str = "last"
+    templates: str | None = None
+    data: OtherData = field(default_factory=OtherData)
+
+
+def evaluate(config: EvaluateConfig) -> Report:
+    """Score, print the table and save the report.
+
+    Raises:
+        DataError: If run or data are not as they should be.
+    """
+    trained = open_run(
+        config.run,
+        config.checkpoint,
+        config.data.root,
+        config.data.version,
+        config.templates,
+        config.data.skip_missing,
+    )
+    report = compare(trained, config.split)
+    report.save(Path(config.out))
+    print(format_table(report))
+    print(f"Report: {config.out}")
+    return report
+
+
+def main() -> None:
+    """Entry point."""
+    run(EvaluateConfig, evaluate, "Score a trained planner beside its baselines.")

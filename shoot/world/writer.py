@@ -1,0 +1,302 @@
+"""Writes the synthetic city to disk as a nuScenes data set that looks whole only when it is.
+
+One job makes one town with its scenes. Each scene writes its files and, last, its rows into `.parts`; when all
+parts are there, the tables are joined in `v1.0-trainval.partial`, which is renamed as the very last step.
+"""
+
+import json
+import os
+import shutil
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import cv2
+import tyro
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from lss_core.data.splits import official_scenes
+from lss_core.errors import DataError
+from shoot.world.capture import LIDAR, SceneOrder, capture_scene
+from shoot.world.maps import canvas_of, merge_layers, town_layers, town_mask, write_mask
+from shoot.world.rig import CAMERA_PLANS
+from shoot.world.roads import make_town
+from shoot.world.tables import TABLE_NAMES, Row, fixed_tables
+from shoot.world.tiling import LOCATIONS, TILE_M, Split, Tile, seed_of, tile_of
+from shoot.world.town import Town
+
+VERSION = "v1.0-trainval"
+CARD = "world.json"
+# Raise it whenever the same settings would give other bytes: a resumed run must not mix two worlds.
+WORLD_FORMAT = 1
+_PARTS = ".parts"
+
+
+@dataclass(frozen=True)
+class MakeWorldConfig:
+    """What `shoot-make-world` writes, and where.
+
+    Attributes:
+        out: Folder of the data set.
+        train_scenes: Scenes of the official `train` split (at most 700).
+        val_scenes: Scenes of the official `val` split (at most 150), one town each.
+        seed: The same seed gives the same bytes.
+        image_scale: Size of the images as a share of 1600 x 900.
+        sweeps: Which lidar sweeps get files: those of keyframes, or all (ten times as many).
+        workers: Processes; changes nothing but the time it takes.
+        scenes_per_town: Training scenes that share a town.
+        duration_s: Length of a scene.
+        lidar_azimuths: Lidar firings a turn (32 beams each); 0 takes fewer for smaller images.
+    """
+
+    out: Annotated[Path, tyro.conf.Positional]
+    train_scenes: int = 40
+    val_scenes: int = 10
+    seed: int = 0
+    image_scale: float = 0.25
+    sweeps: Literal["keyframes", "all"] = "keyframes"
+    workers: int = 2
+    scenes_per_town: int = 1
+    duration_s: float = 20.0
+    lidar_azimuths: int = 0
+
+    def __post_init__(self) -> None:
+        limits = {
+            "train_scenes": (0, len(official_scenes(VERSION, "train"))),
+            "val_scenes": (0, len(official_scenes(VERSION, "val"))),
+            "seed": (0, 2**32 - 1),
+            "image_scale": (0.05, 1.0),
+            "workers": (1, 1024),
+            "scenes_per_town": (1, 700),
+            "duration_s": (0.5, 60.0),
+            "lidar_azimuths": (0, 4096),
+        }
+        for name, (low, high) in limits.items():
+            if not low <= getattr(self, name) <= high:
+                flag = name.replace("_", "-")
+                raise DataError(
+                    f"--{flag} is {getattr(self, name)}, but must lie in {low} to {high}."
+                )
+        if self.train_scenes + self.val_scenes == 0:
+            raise DataError("--train-scenes and --val-scenes are both 0: nothing to write.")
+
+    def card(self) -> dict[str, Any]:
+        """The settings that decide what is written (all but `out` and `workers`)."""
+        settings = asdict(self)
+        del settings["out"], settings["workers"]
+        return {"world_format": WORLD_FORMAT, **settings}
+
+    def azimuths(self) -> int:
+        """Lidar firings a turn."""
+        return self.lidar_azimuths or (1024 if self.image_scale >= 0.2 else 384)
+
+
+@dataclass(frozen=True)
+class _TownOrder:
+    """One job: a town and its scenes."""
+
+    split: Split
+    index: int
+    seed: int
+    tile: Tile
+    scenes: tuple[SceneOrder, ...]
+
+    @property
+    def name(self) -> str:
+        return f"town-{self.split}-{self.index:04d}"
+
+
+def make_world(config: MakeWorldConfig) -> None:
+    """Write a data set, or finish one that was begun with the same settings.
+
+    Raises:
+        DataError: If the folder holds something else, or a world with other settings.
+    """
+    root = config.out
+    if _is_finished(root, config):
+        shutil.rmtree(root / _PARTS, ignore_errors=True)
+        return
+    parts = root / _PARTS
+    parts.mkdir(parents=True, exist_ok=True)
+    towns = list(_town_orders(config))
+    open_towns = [town for town in towns if not _is_done(town, parts)]
+    total = sum(len(town.scenes) for town in towns)
+    done = total - sum(len(town.scenes) for town in open_towns)
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns) as progress:
+        task = progress.add_task("scenes", total=total, completed=done)
+        for count in _run(open_towns, root, config.workers):
+            progress.advance(task, count)
+    _join(root, towns)
+    shutil.rmtree(parts)
+
+
+def _is_finished(root: Path, config: MakeWorldConfig) -> bool:
+    """Compare the folder with the settings; note them in a new one."""
+    if root.exists() and not root.is_dir():
+        raise DataError(f"'{root}' is a file; name a folder for the data set.")
+    card_path, tables = root / CARD, root / VERSION
+    if not card_path.exists():
+        if tables.exists():
+            raise DataError(
+                f"'{root}' already holds another data set in '{VERSION}'; choose an empty folder."
+            )
+        root.mkdir(parents=True, exist_ok=True)
+        _write_json(card_path, config.card())
+        return False
+    try:
+        card = json.loads(card_path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise DataError(
+            f"'{card_path}' cannot be read ({error}); choose an empty folder."
+        ) from error
+    for name, value in config.card().items():
+        if card.get(name) != value:
+            raise DataError(
+                f"'{root}' was begun with {name} = {card.get(name)}, now it is {value}: "
+                "use the same settings to go on, or another folder."
+            )
+    return tables.exists()
+
+
+def _town_orders(config: MakeWorldConfig) -> Iterator[_TownOrder]:
+    counts: tuple[tuple[Split, int, int], ...] = (
+        ("train", config.train_scenes, config.scenes_per_town),
+        ("val", config.val_scenes, 1),
+    )
+    for split, num_scenes, per_town in counts:
+        names = official_scenes(VERSION, split)
+        for first in range(0, num_scenes, per_town):
+            town = first // per_town
+            tile = tile_of(split, town)
+            scenes = tuple(
+                SceneOrder(
+                    names[index], split, index, town, config.seed, config.duration_s,
+                    config.image_scale, config.azimuths(), config.sweeps, tile,
+                )
+                for index in range(first, min(first + per_town, num_scenes))
+            )  # fmt: skip
+            yield _TownOrder(split, town, config.seed, tile, scenes)
+
+
+def _is_done(order: _TownOrder, parts: Path) -> bool:
+    names = [order.name, *(scene.name for scene in order.scenes)]
+    return all((parts / f"{name}.json").exists() for name in names)
+
+
+def _run(orders: list[_TownOrder], root: Path, workers: int) -> Iterator[int]:
+    """Make towns; yields how many scenes each finished job had."""
+    if workers == 1 or len(orders) <= 1:
+        for order in orders:
+            yield _make_town(order, root)
+        return
+    # Spawned, not forked: a forked child inherits locks of threads that do not exist in it.
+    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+        jobs = [pool.submit(_make_town, order, root) for order in orders]
+        try:
+            for job in as_completed(jobs):
+                yield job.result()
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _make_town(order: _TownOrder, root: Path) -> int:
+    cv2.setNumThreads(1)
+    parts = root / _PARTS
+    town = make_town(seed_of(order.seed, order.split, "town", order.index))
+    if town.size_m > TILE_M:
+        raise AssertionError(f"a town of {town.size_m} m does not fit its tile of {TILE_M} m")
+    _write_town(order, town, parts)
+    for scene in order.scenes:
+        part = parts / f"{scene.name}.json"
+        if not part.exists():
+            _write_json(part, capture_scene(scene, town, root))
+    return len(order.scenes)
+
+
+def _write_town(order: _TownOrder, town: Town, parts: Path) -> None:
+    part = parts / f"{order.name}.json"
+    if part.exists():
+        return
+    cv2.imwrite(str(parts / f"{order.name}.png"), town_mask(town), [cv2.IMWRITE_PNG_BILEVEL, 1])
+    _write_json(part, town_layers(town, f"{order.seed}/{order.name}", order.tile.origin_m))
+
+
+def _write_json(path: Path, content: Any) -> None:
+    """Write a file that is there whole or not at all."""
+    aside = path.with_name(f".{path.name}.{os.getpid()}")
+    with aside.open("w", encoding="utf-8") as stream:
+        json.dump(content, stream, separators=(",", ":"))
+    aside.replace(path)
+
+
+def _join(root: Path, towns: list[_TownOrder]) -> None:
+    parts = root / _PARTS
+    partial = root / f"{VERSION}.partial"
+    shutil.rmtree(partial, ignore_errors=True)
+    partial.mkdir()
+    channels = (*(plan.channel for plan in CAMERA_PLANS), LIDAR)
+    logs: dict[int, list[str]] = {}
+    tables = {name: _Table(partial / f"{name}.json") for name in TABLE_NAMES}
+    for name, rows in fixed_tables(channels).items():
+        tables[name].add(rows)
+    for town in towns:
+        for scene in town.scenes:
+            part: dict[str, list[Row]] = json.loads(
+                (parts / f"{scene.name}.json").read_text("utf-8")
+            )
+            for name, rows in part.items():
+                tables[name].add(rows)
+            logs.setdefault(town.tile.location, []).extend(row["token"] for row in part["log"])
+    for number in sorted(logs):
+        tables["map"].add([{
+            "token": LOCATIONS[number].mask_name,
+            "category": "semantic_prior",
+            "filename": f"maps/{LOCATIONS[number].mask_name}.png",
+            "log_tokens": logs[number],
+        }])  # fmt: skip
+        _join_map(root, number, [town for town in towns if town.tile.location == number])
+    for table in tables.values():
+        table.close()
+    partial.replace(root / VERSION)
+
+
+def _join_map(root: Path, number: int, towns: list[_TownOrder]) -> None:
+    location, parts = LOCATIONS[number], root / _PARTS
+    (root / "maps" / "expansion").mkdir(parents=True, exist_ok=True)
+    columns = max(town.tile.column for town in towns) + 1
+    rows = max(town.tile.row for town in towns) + 1
+    layers = [json.loads((parts / f"{town.name}.json").read_text("utf-8")) for town in towns]
+    expansion = merge_layers(layers, canvas_of(location, columns, rows))
+    _write_json(root / "maps" / "expansion" / f"{location.name}.json", expansion)
+    tiles = {(town.tile.column, town.tile.row): parts / f"{town.name}.png" for town in towns}
+    write_mask(root / "maps" / f"{location.mask_name}.png", tiles, columns, rows)
+
+
+class _Table:
+    """Writes a JSON list row by row: the tables of a large world do not fit into memory."""
+
+    def __init__(self, path: Path) -> None:
+        self._stream = path.open("w", encoding="utf-8")
+        self._stream.write("[")
+        self._is_empty = True
+
+    def add(self, rows: list[Row]) -> None:
+        for row in rows:
+            self._stream.write("\n" if self._is_empty else ",\n")
+            self._is_empty = False
+            json.dump(row, self._stream)
+
+    def close(self) -> None:
+        self._stream.write("\n]\n")
+        self._stream.flush()
+        os.fsync(self._stream.fileno())
+        self._stream.close()

@@ -1,0 +1,37 @@
+"""Fixtures that many tests share."""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+from tiny_tables import write_tiny
+
+settings.register_profile("shoot", deadline=None, derandomize=True, database=None)
+settings.load_profile("shoot")
+
+_REAL_BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data" / "nuscenes_real"
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Indices of test data sets stay out of the user's cache."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SHOOT_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+@pytest.fixture(scope="session")
+def tiny_root(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two training scenes and a validation scene, made by hand; not to be changed."""
+    return write_tiny(tmp_path_factory.mktemp("tiny"))
+
+
+@pytest.fixture(scope="session")
+def real_root() -> Path:
+    """A real nuScenes scene, where there is one."""
+    root = Path(os.environ.get("SHOOT_REAL_DATA", _REAL_BESIDE))
+    if not (root / "v1.0-mini" / "sample_data.json").is_file():
+        pytest.skip("No real nuScenes scene: SHOOT_REAL_DATA names no folder with v1.0-mini.")
+    return root

@@ -1,0 +1,258 @@
+"""The camera model as a whole: the paper's symmetries, masks, sizes."""
+
+import dataclasses
+import math
+
+import pytest
+import torch
+from torch import Tensor
+
+from lss_core.batch import Batch
+from lss_core.bev_encoder import BevEncoder
+from lss_core.camera import frustum_points
+from lss_core.config import DepthBins, ModelConfig
+from lss_core.grid import BevGrid
+from lss_core.model import CameraModel
+from lss_core.splat import lift_splat
+
+IMAGE_HW = (64, 96)
+SMALL = ModelConfig(
+    backbone="plain-8-12-16-20",
+    pretrained="none",
+    context_channels=6,
+    image_stride=8,
+    neck_channels=8,
+    stem_channels=4,
+    decoder_channels=8,
+    depth=DepthBins(4.0, 24.0, 2.0),
+    grid=BevGrid(-8.0, 16.0, -12.0, 12.0, 1.0),
+    head_init_std=0.1,
+)
+
+
+def _rig(num_samples: int = 2, num_cameras: int = 3) -> tuple[Tensor, Tensor, Tensor]:
+    """Images, intrinsics and poses of cameras that look around, each tilted a little."""
+    generator = torch.Generator().manual_seed(0)
+    images = torch.randint(
+        0, 256, (num_samples, num_cameras, 3, *IMAGE_HW), generator=generator, dtype=torch.uint8
+    )
+    intrinsics = torch.tensor([[60.0, 0.0, 46.0], [0.0, 62.0, 30.0], [0.0, 0.0, 1.0]])
+    poses = torch.zeros(num_samples, num_cameras, 4, 4)
+    look = torch.tensor([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+    for n in range(num_cameras):
+        yaw_rad, tilt_rad = 0.3 + 1.1 * n, 0.05 * (n + 1)
+        cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+        turn = torch.tensor([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        cos, sin = math.cos(tilt_rad), math.sin(tilt_rad)
+        tilt = torch.tensor([[1.0, 0.0, 0.0], [0.0, cos, -sin], [0.0, sin, cos]])
+        poses[:, n, :3, :3] = turn @ look @ tilt
+        poses[:, n, :3, 3] = torch.tensor([0.3 + 0.2 * n, 0.1 * n, 1.6])
+    poses[..., 3, 3] = 1.0
+    return images, intrinsics.expand(num_samples, num_cameras, 3, 3).clone(), poses
+
+
+def _model(config: ModelConfig = SMALL, out_channels: int = 1) -> CameraModel:
+    torch.manual_seed(0)
+    return CameraModel(config, IMAGE_HW, out_channels).eval()
+
+
+def _mask(images: Tensor) -> Tensor:
+    return torch.ones(images.shape[:2], dtype=torch.bool)
+
+
+@torch.no_grad()
+def test_moving_image_and_principal_point_by_whole_cells_changes_nothing() -> None:
+    """Symmetry 1 of the paper: translation of the pixels."""
+    _, intrinsics, poses = _rig(1, 3)
+    context = torch.randn(1, 3, 6, 8, 12)
+    depth_prob = torch.randn(1, 3, 10, 8, 12).softmax(dim=2)
+    # What would leave the image at the right or below, and come in at the left or above, is empty.
+    context[..., -2:] = 0.0
+    context[..., -1:, :] = 0.0
+
+    def to_map(features: Tensor, depth: Tensor, k: Tensor) -> Tensor:
+        points = frustum_points(IMAGE_HW, 8, SMALL.depth.depths_m, k, poses)
+        return lift_splat(features, depth, points, SMALL.grid)
+
+    expected = to_map(context, depth_prob, intrinsics)
+    moved = intrinsics.clone()
+    moved[..., 0, 2] += 2 * 8.0
+    moved[..., 1, 2] += 1 * 8.0
+    shifts, dims = (2, 1), (-1, -2)
+    result = to_map(context.roll(shifts, dims), depth_prob.roll(shifts, dims), moved)
+    assert expected.abs().max() > 0.1
+    torch.testing.assert_close(result, expected, atol=1e-5, rtol=1e-5)
+    # And without moving the principal point the map does change.
+    assert (to_map(context.roll(shifts, dims), depth_prob, intrinsics) - expected).abs().max() > 0.1
+
+
+@torch.no_grad()
+def test_the_order_of_cameras_does_not_matter() -> None:
+    """Symmetry 2 of the paper."""
+    images, intrinsics, poses = _rig()
+    model = _model()
+    order = [2, 0, 1]
+    expected = model(images, intrinsics, poses)
+    result = model(images[:, order], intrinsics[:, order], poses[:, order])
+    assert expected.std() > 1e-3
+    torch.testing.assert_close(result, expected, atol=1e-5, rtol=1e-4)
+
+
+@torch.no_grad()
+def test_moving_the_ego_frame_by_whole_cells_moves_the_map() -> None:
+    """Symmetry 3 of the paper, for moves that keep cells whole."""
+    images, intrinsics, poses = _rig()
+    model = _model()
+    expected = model.splat(images, intrinsics, poses, _mask(images))
+    moved = poses.clone()
+    moved[..., 0, 3] += 3.0
+    moved[..., 1, 3] -= 2.0
+    result = model.splat(images, intrinsics, moved, _mask(images))
+    assert expected[..., :-3, 2:].abs().max() > 1e-3
+    close = torch.isclose(result[..., 3:, :-2], expected[..., :-3, 2:], atol=1e-5)
+    # Rounding may carry a point that lies on a cell's border over it, not more than that.
+    assert close.float().mean() > 0.995
+
+
+@torch.no_grad()
+def test_turning_the_ego_frame_by_a_right_angle_turns_the_map() -> None:
+    images, intrinsics, poses = _rig()
+    model = _model(dataclasses.replace(SMALL, grid=BevGrid(-12.0, 12.0, -12.0, 12.0, 1.0)))
+    quarter = torch.tensor(
+        [[0.0, -1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+    )
+    expected = model.splat(images, intrinsics, poses, _mask(images))
+    result = model.splat(images, intrinsics, quarter @ poses, _mask(images))
+    close = torch.isclose(result, expected.rot90(1, (-2, -1)), atol=1e-5)
+    assert close.float().mean() > 0.995
+    assert torch.isclose(result, expected, atol=1e-5).float().mean() < 0.9
+
+
+@pytest.mark.parametrize("training", [False, True])
+def test_a_masked_camera_changes_nothing(training: bool) -> None:
+    images, intrinsics, poses = _rig()
+    expected = _model().train(training)(images, intrinsics, poses)
+    # One more camera with a bright image and a calibration that cannot even be inverted.
+    more = torch.cat([images, torch.full_like(images[:, :1], 255)], dim=1)
+    more_intrinsics = torch.cat([intrinsics, torch.zeros_like(intrinsics[:, :1])], dim=1)
+    more_poses = torch.cat([poses, torch.full_like(poses[:, :1], float("nan"))], dim=1)
+    mask = torch.tensor([[True, True, True, False]]).expand(2, 4)
+    model = _model().train(training)
+    result = model(more, more_intrinsics, more_poses, mask)
+    torch.testing.assert_close(result, expected, atol=1e-6, rtol=1e-5)
+    result.sum().backward()
+    assert all(p.grad is not None and p.grad.isfinite().all() for p in model.parameters())
+
+
+@torch.no_grad()
+def test_masks_that_differ_within_a_batch_equal_each_sample_alone() -> None:
+    images, intrinsics, poses = _rig()
+    mask = torch.tensor([[True, False, True], [False, True, False]])
+    together = _model()(images, intrinsics, poses, mask)
+    for b in range(2):
+        here = mask[b]
+        alone = _model()(
+            images[b : b + 1, here], intrinsics[b : b + 1, here], poses[b : b + 1, here]
+        )
+        torch.testing.assert_close(together[b : b + 1], alone, atol=1e-5, rtol=1e-4)
+
+
+@torch.no_grad()
+def test_without_any_camera_the_map_is_that_of_an_empty_grid() -> None:
+    images, intrinsics, poses = _rig()
+    model = _model()
+    result = model(images, intrinsics, poses, ~_mask(images))
+    torch.testing.assert_close(result, model.bev_encoder(torch.zeros(2, 6, 24, 24)))
+
+
+@torch.no_grad()
+def test_bytes_and_fractions_are_the_same_image() -> None:
+    images, intrinsics, poses = _rig()
+    model = _model()
+    expected = model(images, intrinsics, poses)
+    batch = Batch(images / 255.0, intrinsics, poses, _mask(images), torch.arange(2))
+    torch.testing.assert_close(model.forward_batch(batch), expected, atol=1e-5, rtol=1e-4)
+
+
+@torch.no_grad()
+def test_an_unchanged_calibration_is_not_indexed_again() -> None:
+    images, intrinsics, poses = _rig()
+    model = _model()
+    poses[1, 0, 0, 3] += 1.0
+    first = model(images, intrinsics, poses)
+    assert (model.cache.hits, model.cache.misses) == (0, 2)
+    assert torch.equal(model(images, intrinsics, poses), first)
+    assert (model.cache.hits, model.cache.misses) == (2, 2)
+    poses[0, 0, 0, 3] += 2.0
+    changed = model(images, intrinsics, poses)
+    assert (model.cache.hits, model.cache.misses) == (3, 3)
+    assert not torch.equal(changed[0], first[0])
+    # A cache in use gives what a fresh one gives.
+    assert torch.equal(_model()(images, intrinsics, poses), changed)
+
+
+@torch.no_grad()
+def test_the_splat_is_float32_under_mixed_precision() -> None:
+    images, intrinsics, poses = _rig()
+    model = _model()
+    expected = model.splat(images, intrinsics, poses, _mask(images))
+    with torch.autocast("cpu", dtype=torch.bfloat16):
+        result = model.splat(images, intrinsics, poses, _mask(images))
+    assert result.dtype == torch.float32
+    assert (result - expected).abs().max() < 0.05 * expected.abs().max()
+
+
+def test_the_papers_network_has_the_papers_size() -> None:
+    model = CameraModel(ModelConfig(pretrained="none"), (128, 352))
+    count = sum(p.numel() for p in model.parameters())
+    # 14.3 M in the paper counts 1,693,160 parameters of a classification head that never runs.
+    assert count == pytest.approx(12_598_758, rel=0.01)
+    assert count + 1_693_160 == pytest.approx(14.3e6, rel=0.01)
+
+
+def test_every_parameter_learns() -> None:
+    images, intrinsics, poses = _rig()
+    model = _model().train()
+    model(images, intrinsics, poses).square().sum().backward()
+    still = [n for n, p in model.named_parameters() if p.grad is None or not p.grad.abs().sum() > 0]
+    # timm starts the last norm of each residual branch at zero, which hides the branch at first.
+    assert all(".conv" in name or ".bn" in name for name in still), still
+    assert any("image_encoder" in n and n not in still for n, _ in model.named_parameters())
+
+
+@pytest.mark.parametrize("shape", [(24, 24), (25, 31), (50, 42), (8, 9)])
+def test_maps_of_any_size_keep_their_size(shape: tuple[int, int]) -> None:
+    encoder = BevEncoder(3, out_channels=2, stem_channels=4, decoder_channels=8).eval()
+    with torch.no_grad():
+        assert encoder(torch.randn(2, 3, *shape)).shape == (2, 2, *shape)
+
+
+@torch.no_grad()
+def test_what_happens_in_a_cell_shows_in_the_same_place() -> None:
+    empty = torch.zeros(1, 3, 80, 64)
+    spot = empty.clone()
+    spot[..., 48:52, 28:32] = 5.0
+    change = torch.zeros(80, 64)
+    for seed in range(8):  # whatever the weights
+        torch.manual_seed(seed)
+        encoder = BevEncoder(3, stem_channels=8, decoder_channels=16, head_init_std=0.1).eval()
+        change += (encoder(spot) - encoder(empty)).abs()[0, 0]
+    place = torch.stack(torch.meshgrid(torch.arange(80.0), torch.arange(64.0), indexing="ij"), -1)
+    centre = (place * change[..., None]).sum((0, 1)) / change.sum()
+    torch.testing.assert_close(centre, torch.tensor([49.5, 29.5]), atol=2.5, rtol=0.0)
+
+
+def test_costs_start_almost_equal_and_a_single_channel_has_no_bias() -> None:
+    torch.manual_seed(0)
+    encoder = BevEncoder(3, stem_channels=8, decoder_channels=16)
+    assert encoder(torch.randn(2, 3, 32, 32)).abs().max() < 0.05
+    assert encoder.head.bias is None
+    assert BevEncoder(3, out_channels=2, stem_channels=8).head.bias is not None
+
+
+def test_images_of_another_size_are_refused() -> None:
+    images, intrinsics, poses = _rig()
+    with pytest.raises(ValueError, match="made for images of"):
+        _model()(images[..., :48], intrinsics, poses)
+    with pytest.raises(ValueError, match="multiples of image_stride=8"):
+        CameraModel(SMALL, (60, 96))

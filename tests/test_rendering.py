@@ -1,0 +1,483 @@
+import itertools
+from pathlib import Path
+
+import matplotlib.image as mpl_image
+import numpy as np
+import pytest
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+
+from lss_core.config import CAMERAS
+from lss_core.errors import DataError
+from lss_core.grid import BevGrid
+from shoot.rendering import SampleView, palette, render_sample, render_templates, save_figure
+from shoot.rendering.bev_panel import close_extent, cost_range, draw_ego, whole_extent
+from shoot.rendering.camera_panel import project_path, project_ribbon, subdivide
+from shoot.rendering.sample_figure import camera_places
+from shoot.rendering.sample_view import from_origin, rank
+
+# A camera 1.5 m above the ego origin that looks forward: (x, y, 0) is seen at
+# u = 80 - 100 y / x, v = 60 + 150 / x.
+PIXEL_FROM_CAMERA = np.array([[100.0, 0.0, 80.0], [0.0, 100.0, 60.0], [0.0, 0.0, 1.0]])
+FORWARD = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+IMAGE_HW = (120, 160)
+REFUSED = (ValueError, TypeError)  # shape types, active in tests, may speak first
+TIMES_S = 0.25 * np.arange(1, 21)
+
+
+def looking(yaw_rad: float) -> np.ndarray:
+    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+    ego_from_camera = np.eye(4)
+    ego_from_camera[:3, :3] = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1.0]]) @ FORWARD
+    ego_from_camera[2, 3] = 1.5
+    return ego_from_camera
+
+
+def straight(speed_mps: float, slope: float = 0.0) -> np.ndarray:
+    x_m = speed_mps * TIMES_S
+    return np.stack([x_m, slope * x_m], axis=-1)
+
+
+def make_view(**changes: object) -> SampleView:
+    grid = BevGrid(-50.0, 50.0, -50.0, 50.0, 2.0)
+    left, ahead, right = straight(5.0, 0.8), straight(6.0), straight(5.0, -0.8)
+    fields: dict[str, object] = {
+        "images": np.full((6, *IMAGE_HW, 3), 128, np.uint8),
+        "pixel_from_camera": np.tile(PIXEL_FROM_CAMERA, (6, 1, 1)),
+        "ego_from_camera": np.stack(
+            [looking(np.deg2rad(d)) for d in (55.0, 0.0, -55.0, 110.0, 180.0, -110.0)]
+        ),
+        "grid": grid,
+        "cost_map": np.linspace(0.0, 1.0, 2500).reshape(50, 50),
+        "templates": np.stack([left, ahead, right]),
+        "probabilities": np.array([0.5, 0.3, 0.2]),
+        "driven": straight(6.2),
+        "title": "scene",
+        "caption": "day",
+    }
+    return SampleView(**{**fields, **changes})  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def figure() -> Figure:
+    return render_sample(make_view())
+
+
+def lines(figure: Figure, gid: str) -> list:
+    return [line for axes in figure.axes for line in axes.lines if line.get_gid() == gid]
+
+
+def camera_axes(figure: Figure, name: str):
+    (axes,) = [a for a in figure.axes if any(t.get_text() == name for t in a.texts)]
+    return axes
+
+
+def map_axes(figure: Figure):
+    (axes,) = [a for a in figure.axes if a.get_xlabel() == "y: left (m)"]
+    return axes
+
+
+# Projection ---------------------------------------------------------------------------------------
+
+
+def test_straight_path_hits_hand_worked_pixels() -> None:
+    path_m = np.array([[0.0, 0.0], [30.0, 3.0]])  # y = x / 10: u = 70, v = 60 + 150 / x
+    (pixels,) = project_path(path_m, PIXEL_FROM_CAMERA, looking(0.0), IMAGE_HW)
+    np.testing.assert_allclose(pixels[:, 0], 70.0, atol=1e-9)
+    assert pixels[-1, 1] == pytest.approx(65.0)
+    # The image ends at v = 119.5, 2.52 m ahead; the line goes on past it by one step, no more.
+    assert pixels[0, 1] > 119.5 >= pixels[1, 1]
+    assert pixels[0, 1] < 60.0 + 150.0 / (2.52 - 0.15)
+
+
+def test_left_of_the_car_is_left_in_the_image() -> None:
+    (pixels,) = project_path(
+        from_origin(straight(5.0, 0.3)), PIXEL_FROM_CAMERA, looking(0.0), IMAGE_HW
+    )
+    assert (pixels[:, 0] < 80.0).all()
+    (mirrored,) = project_path(
+        from_origin(straight(5.0, -0.3)), PIXEL_FROM_CAMERA, looking(0.0), IMAGE_HW
+    )
+    np.testing.assert_allclose(pixels[:, 0] + mirrored[:, 0], 160.0, atol=1e-9)
+
+
+def test_nothing_of_a_path_behind_the_camera() -> None:
+    ahead_m = from_origin(straight(8.0))
+    assert project_path(ahead_m, PIXEL_FROM_CAMERA, looking(np.pi), IMAGE_HW) == []
+    assert project_ribbon(ahead_m, 1.85, PIXEL_FROM_CAMERA, looking(np.pi), IMAGE_HW) == []
+    assert project_path(-ahead_m, PIXEL_FROM_CAMERA, looking(np.pi), IMAGE_HW) != []
+
+
+def test_path_that_passes_the_camera_is_cut_before_it() -> None:
+    path_m = np.array([[-20.0, 0.4], [20.0, 0.4]])
+    parts = project_path(path_m, PIXEL_FROM_CAMERA, looking(0.0), IMAGE_HW)
+    assert len(parts) == 1
+    assert np.isfinite(parts[0]).all()
+    assert parts[0][:, 1].min() == pytest.approx(
+        67.5
+    )  # 20 m ahead; nothing above, nothing mirrored
+
+
+def test_path_that_leaves_and_returns_gives_two_parts() -> None:
+    path_m = np.array([[20.0, 0.0], [20.0, 30.0], [25.0, 30.0], [25.0, 0.0]])
+    assert len(project_path(path_m, PIXEL_FROM_CAMERA, looking(0.0), IMAGE_HW)) == 2
+
+
+def test_ribbon_is_as_wide_as_the_car() -> None:
+    path_m = np.array([[0.0, 0.0], [30.0, 0.0]])
+    (outline,) = project_ribbon(path_m, 2.0, PIXEL_FROM_CAMERA, looking(0.0), IMAGE_HW)
+    far = outline[np.isclose(outline[:, 1], 65.0)]  # 30 m ahead: one metre is 100 / 30 pixels
+    np.testing.assert_allclose(np.sort(far[:, 0]), [80.0 - 100 / 30, 80.0 + 100 / 30])
+
+
+def test_standing_still_draws_no_line() -> None:
+    path_m = np.zeros((21, 2))
+    assert project_path(path_m, PIXEL_FROM_CAMERA, looking(0.0), IMAGE_HW) == []
+    assert project_ribbon(path_m, 2.0, PIXEL_FROM_CAMERA, looking(0.0), IMAGE_HW) == []
+
+
+def test_subdividing_keeps_corners_and_bounds_steps() -> None:
+    path_m = np.array([[0.0, 0.0], [1.03, 0.0], [1.03, 0.0], [1.03, 2.0]])
+    fine = subdivide(path_m, 0.1)
+    assert np.linalg.norm(np.diff(fine, axis=0), axis=-1).max() <= 0.1 + 1e-9
+    assert np.isclose(fine, [1.03, 0.0]).all(axis=-1).sum() == 1
+    np.testing.assert_allclose(fine[[0, -1]], path_m[[0, -1]])
+
+
+# The picture of a sample --------------------------------------------------------------------------
+
+
+def test_paths_appear_only_in_cameras_that_see_them(figure: Figure) -> None:
+    for name in ("front", "back"):
+        gids = {line.get_gid() for line in camera_axes(figure, name).lines}
+        assert ({"planned", "driven"} <= gids) == (name == "front")
+    assert not camera_axes(figure, "back").lines
+
+
+def test_drawn_driven_path_is_the_projected_one() -> None:
+    figure = render_sample(make_view(driven=straight(6.0, 0.1)))
+    (line,) = [x for x in camera_axes(figure, "front").lines if x.get_gid() == "driven"]
+    np.testing.assert_allclose(line.get_xdata(), 70.0, atol=1e-9)
+    assert np.min(line.get_ydata()) == pytest.approx(60.0 + 150.0 / 30.0)
+
+
+def test_template_to_the_left_ends_on_the_left_half_and_ahead_above_the_car() -> None:
+    figure = render_sample(make_view(probabilities=np.array([0.9, 0.06, 0.04])))
+    axes = map_axes(figure)
+    ends = [line for line in axes.lines if line.get_gid() == "planned-end"]
+    best = max(ends, key=lambda line: line.get_zorder())
+    x_px, y_px = axes.transData.transform(np.column_stack(best.get_data()))[0]
+    ego_px = axes.transData.transform((0.0, 0.0))
+    box = axes.get_window_extent()
+    assert x_px < 0.5 * (box.x0 + box.x1)
+    assert x_px < ego_px[0]
+    assert y_px > ego_px[1]
+
+
+def test_cost_cell_lies_under_the_point_it_belongs_to() -> None:
+    cost_map = np.zeros((50, 50))
+    cost_map[40, 30] = 1.0  # x 30..32 m, y 10..12 m: ahead, to the left
+    view = make_view(cost_map=cost_map, templates=None, probabilities=None, driven=None)
+    axes = map_axes(render_sample(view))
+    (image,) = axes.images
+    y0, y1, x0, x1 = image.get_extent()
+    array = np.asarray(image.get_array())
+    row, column = (int(i) for i in np.argwhere(array == 1.0)[0])
+    assert image.origin == "lower"
+    assert x0 + (row + 0.5) * (x1 - x0) / 50 == pytest.approx(31.0)
+    assert y0 + (column + 0.5) * (y1 - y0) / 50 == pytest.approx(11.0)
+    assert axes.get_xlim() == (50.0, -50.0)  # left on the left
+
+
+def test_map_and_images_have_the_same_ten_best() -> None:
+    rng = np.random.default_rng(0)
+    templates = np.stack([straight(s) for s in rng.uniform(4.0, 9.0, 30)])
+    probabilities = rng.dirichlet(np.ones(30))
+    view = make_view(templates=templates, probabilities=probabilities)
+    figure = render_sample(view)
+    best = np.sort(templates[np.argsort(probabilities)[-10:], -1, 0])
+    drawn = [line for line in map_axes(figure).lines if line.get_gid() == "planned-end"]
+    np.testing.assert_allclose(np.sort([line.get_ydata()[0] for line in drawn]), best)
+    in_front = [x for x in camera_axes(figure, "front").lines if x.get_gid() == "planned"]
+    np.testing.assert_allclose(
+        np.sort([np.min(line.get_ydata()) for line in in_front]), np.sort(60.0 + 150.0 / best)
+    )
+
+
+def test_legend_names_planned_and_driven_in_their_own_style(figure: Figure) -> None:
+    (legend,) = figure.legends
+    labels = [text.get_text() for text in legend.get_texts()]
+    assert any(label.startswith("planned") for label in labels)
+    assert any(label.startswith("driven, 5 s") for label in labels)
+    planned, driven = legend.get_lines()[:2]
+    assert planned.get_linestyle() == "-"
+    assert driven.get_linestyle() == "--"
+    assert to_rgb(driven.get_color()) == to_rgb(palette.DRIVEN)
+    (without,) = render_sample(make_view(driven=None)).legends
+    assert not any(text.get_text().startswith("driven") for text in without.get_texts())
+
+
+def test_probabilities_and_driven_rank_are_written(figure: Figure) -> None:
+    words = "\n".join(text.get_text() for axes in figure.axes for text in axes.texts)
+    assert all(label in words for label in ("50.0 %", "30.0 %", "20.0 %"))
+    below = "\n".join(text.get_text() for text in figure.texts)
+    assert "rank 2," in below.replace("\n", " ")
+
+
+def test_ranking_against_a_plain_reference() -> None:
+    rng = np.random.default_rng(1)
+    templates = rng.normal(0.0, 10.0, (50, 20, 2))
+    probabilities = rng.dirichlet(np.ones(50))
+    driven = rng.normal(0.0, 10.0, (20, 2))
+    ranking = rank(make_view(templates=templates, probabilities=probabilities, driven=driven))
+    assert ranking is not None
+    distances = [float(((t - driven) ** 2).sum()) for t in templates]
+    nearest = distances.index(min(distances))
+    better = sum(p > probabilities[nearest] for p in probabilities)
+    assert ranking.driven_rank == better + 1
+    assert ranking.driven_probability == probabilities[nearest]
+    assert ranking.driven_distance_m == pytest.approx(
+        np.mean([np.hypot(*(a - b)) for a, b in zip(templates[nearest], driven, strict=True)])
+    )
+    assert list(ranking.probabilities) == sorted(probabilities, reverse=True)[:10]
+
+
+def test_equal_probabilities_of_zero_do_not_divide_by_zero() -> None:
+    ranking = rank(make_view(probabilities=np.zeros(3)))
+    assert ranking is not None
+    assert np.isfinite(ranking.strengths).all()
+
+
+def test_path_off_the_grid_widens_the_map_and_says_so(figure: Figure) -> None:
+    wide = render_sample(make_view(driven=straight(16.0)))  # ends 80 m ahead
+    assert map_axes(wide).get_ylim() == (-50.0, 83.0)
+    assert map_axes(wide).get_xlim() == (50.0, -50.0)
+    assert "off the map" in [text.get_text() for text in wide.legends[0].get_texts()]
+    assert "off the map" not in [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def test_grid_of_two_unequal_sides_keeps_its_shape() -> None:
+    grid = BevGrid(-10.0, 60.0, -30.0, 20.0, 1.0)
+    axes = map_axes(render_sample(make_view(grid=grid, cost_map=np.zeros(grid.shape))))
+    assert axes.get_xlim() == (20.0, -30.0)
+    assert axes.get_ylim() == (-10.0, 60.0)
+    assert axes.get_aspect() == 1.0
+
+
+def test_everything_optional_may_be_absent() -> None:
+    view = make_view(cost_map=None, templates=None, probabilities=None, driven=None)
+    figure = render_sample(view)
+    assert not lines(figure, "planned")
+    assert not lines(figure, "driven")
+    assert len([axes for axes in figure.axes if axes.images]) == 6
+
+
+def test_lidar_points_are_coloured_where_the_camera_sees_them() -> None:
+    points = np.array([[10.0, 0.0, 1.5], [-10.0, 0.0, 1.5], [10.0, 0.0, 90.0], [0.0, 0.0, 0.0]])
+    figure = render_sample(make_view(lidar_points_ego=points))
+    (front,) = [c for c in camera_axes(figure, "front").collections if c.get_gid() == "lidar"]
+    np.testing.assert_allclose(front.get_offsets(), [[80.0, 60.0]])
+    assert np.exp(front.get_array()[0]) == pytest.approx(10.0)
+
+
+def test_cameras_stand_where_they_look() -> None:
+    shuffled = ("CAM_BACK", "CAM_FRONT_LEFT", "CAM_FRONT_RIGHT", "CAM_FRONT")
+    places, rows, columns = camera_places(shuffled)
+    assert (places, rows, columns) == ([(1, 1), (0, 0), (0, 2), (0, 1)], 2, 3)
+    assert camera_places(CAMERAS[3:])[:2] == ([(0, 0), (0, 1), (0, 2)], 1)
+    assert camera_places(("a", "b")) == ([(0, 0), (0, 1)], 1, 2)
+    assert camera_places(tuple("abcdefgh"))[1:] == (2, 4)
+    assert len(set(camera_places(tuple("abcdefghijk"))[0])) == 11
+
+
+@pytest.mark.parametrize("num_cameras", [1, 7])
+def test_other_rigs_are_drawn(num_cameras: int, tmp_path: Path) -> None:
+    view = make_view(
+        images=np.zeros((num_cameras, 64, 176, 3), np.uint8),
+        pixel_from_camera=np.tile(PIXEL_FROM_CAMERA, (num_cameras, 1, 1)),
+        ego_from_camera=np.tile(looking(0.0), (num_cameras, 1, 1)),
+        camera_names=tuple(f"cam{i}" for i in range(num_cameras)),
+    )
+    path = save_figure(render_sample(view), tmp_path / "rig.png", dpi=40.0)
+    picture = mpl_image.imread(path)
+    assert picture.std() > 0.05
+
+
+def test_pieces_that_do_not_belong_together_are_refused() -> None:
+    with pytest.raises(ValueError, match="3 cameras needs"):
+        make_view(camera_names=("a", "b", "c"))
+    with pytest.raises(ValueError, match="cost map has"):
+        make_view(cost_map=np.zeros((10, 50)))
+    with pytest.raises(ValueError, match="together or not at all"):
+        make_view(probabilities=None)
+    with pytest.raises(REFUSED, match="probabilities"):
+        make_view(probabilities=np.ones(2))
+    with pytest.raises(REFUSED, match="driven"):
+        make_view(driven=np.zeros((12, 2)))
+
+
+def test_cost_range_ignores_outliers_and_survives_flat_maps() -> None:
+    cost_map = np.linspace(0.0, 1.0, 10_000).reshape(100, 100)
+    cost_map[0, 0], cost_map[0, 1] = 1e6, np.nan
+    assert cost_range(cost_map) == pytest.approx((0.02, 0.98), abs=1e-3)
+    low, high = cost_range(np.full((4, 4), 3.0))
+    assert low < 3.0 < high
+    assert cost_range(np.full((4, 4), np.nan)) == (0.0, 1.0)
+
+
+def test_close_up_holds_all_paths_in_its_proportions() -> None:
+    paths_m = [from_origin(straight(4.0, 0.7)), from_origin(straight(3.0, -0.2))]
+    extent = close_extent(paths_m, 0.5)
+    for x_m, y_m in np.concatenate(paths_m):
+        assert extent.x_min_m < x_m < extent.x_max_m
+        assert extent.y_min_m < y_m < extent.y_max_m
+    width_m = extent.y_max_m - extent.y_min_m
+    assert width_m / (extent.x_max_m - extent.x_min_m) == pytest.approx(0.5)
+    still = close_extent([np.zeros((21, 2))], 0.5)
+    assert still.x_max_m - still.x_min_m == 15.0
+
+
+def test_whole_extent_is_the_grid_when_paths_stay_on_it() -> None:
+    extent = whole_extent(BevGrid(), [from_origin(straight(9.0))])
+    assert (extent.x_min_m, extent.x_max_m, extent.y_min_m, extent.y_max_m) == (-50, 50, -50, 50)
+
+
+def test_ego_footprint_stands_on_its_rear_axle() -> None:
+    axes = Figure().add_subplot()
+    draw_ego(axes)
+    (car,) = axes.patches
+    corners = car.get_path().get_extents()
+    assert (corners.y0, corners.y1) == pytest.approx((-1.0, 3.1))
+    assert (corners.x0, corners.x1) == pytest.approx((-0.925, 0.925))
+
+
+# Templates ----------------------------------------------------------------------------------------
+
+
+def test_all_templates_are_drawn_frequent_ones_on_top() -> None:
+    templates = np.stack([straight(5.0, 0.8), straight(0.0), straight(10.0, -0.1)])
+    figure = render_templates(templates, np.array([5, 900, 40]))
+    axes = map_axes(figure)
+    (drawn,) = [c for c in axes.collections if isinstance(c, LineCollection)]
+    ends = np.array([segment[-1] for segment in drawn.get_segments()])
+    np.testing.assert_allclose(ends, templates[[0, 2, 1], -1][:, ::-1])
+    left_px, top_px = axes.transData.transform(ends[0])
+    ego_px = axes.transData.transform((0.0, 0.0))
+    assert left_px < ego_px[0]
+    assert top_px > ego_px[1]
+    assert axes.get_aspect() == 1.0
+    low, high = axes.get_ylim()
+    assert low < 0.0
+    assert high > 50.0
+    assert "3 templates of 5 s, from 945 futures" in figure.texts[0].get_text()
+
+
+def test_templates_without_counts_are_refused() -> None:
+    with pytest.raises(REFUSED, match="count"):
+        render_templates(np.zeros((3, 20, 2)), np.ones(2, int))
+    with pytest.raises(ValueError, match="one count each"):
+        render_templates(np.zeros((0, 20, 2)), np.ones(0, int))
+
+
+@pytest.mark.parametrize("k", [1, 12])
+def test_few_templates_of_equal_counts_are_drawn(k: int, tmp_path: Path) -> None:
+    templates = np.zeros((k, 20, 2))
+    path = save_figure(render_templates(templates, np.ones(k, int)), tmp_path / "t.png", dpi=40.0)
+    assert mpl_image.imread(path).std() > 0.02
+
+
+# Colours ------------------------------------------------------------------------------------------
+
+# Machado, Oliveira and Fernandes 2009, full severity, on linear RGB.
+DEFICIENCIES = {
+    "none": np.eye(3),
+    "protanopia": np.array(
+        [
+            [0.152286, 1.052583, -0.204868],
+            [0.114503, 0.786281, 0.099216],
+            [-0.003882, -0.048116, 1.051998],
+        ]
+    ),
+    "deuteranopia": np.array(
+        [
+            [0.367322, 0.860646, -0.227968],
+            [0.280085, 0.672501, 0.047413],
+            [-0.011820, 0.042940, 0.968881],
+        ]
+    ),
+    "grey": np.tile([0.2126, 0.7152, 0.0722], (3, 1)),
+}
+
+
+def lab(colour: object, deficiency: str) -> np.ndarray:
+    srgb = np.array(to_rgb(colour))  # type: ignore[arg-type]
+    linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+    linear = np.clip(DEFICIENCIES[deficiency] @ linear, 0.0, 1.0)
+    xyz_from_rgb = np.array(
+        [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
+    )
+    xyz = xyz_from_rgb @ linear / np.array([0.9505, 1.0, 1.089])
+    f = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16.0 / 116.0)
+    return np.array([116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])])
+
+
+def test_the_simulation_confuses_what_colour_blind_people_confuse() -> None:
+    red, green = "#d55e5e", "#7e8a00"
+    plain = np.linalg.norm(lab(red, "none") - lab(green, "none"))
+    assert np.linalg.norm(lab(red, "deuteranopia") - lab(green, "deuteranopia")) < 0.5 * plain
+
+
+@pytest.mark.parametrize("deficiency", ["none", "protanopia", "deuteranopia"])
+def test_kinds_of_things_differ_for_colour_blind_people(deficiency: str) -> None:
+    kinds = [palette.PLANNED, palette.DRIVEN, palette.EGO, palette.PAPER]
+    for one, other in itertools.combinations(kinds, 2):
+        assert np.linalg.norm(lab(one, deficiency) - lab(other, deficiency)) > 25.0
+    for strength in (0.0, 0.3, 0.6, 1.0):  # every shade of planned against driven
+        gap = lab(palette.PROBABILITY(strength), deficiency) - lab(palette.DRIVEN, deficiency)
+        assert np.linalg.norm(gap) > 25.0
+
+
+@pytest.mark.parametrize("ramp", [palette.COST, palette.PROBABILITY, palette.COUNT, palette.DEPTH])
+@pytest.mark.parametrize("deficiency", list(DEFICIENCIES))
+def test_ramps_change_lightness_one_way(ramp: object, deficiency: str) -> None:
+    lightness = [lab(ramp(value), deficiency)[0] for value in np.linspace(0, 1, 9)]  # type: ignore[operator]
+    steps = np.diff(lightness)
+    assert (steps > 1.0).all() or (steps < -1.0).all()
+
+
+# Saving -------------------------------------------------------------------------------------------
+
+
+class BrokenFigure(Figure):
+    def savefig(self, fname, **kwargs) -> None:  # type: ignore[no-untyped-def, override]
+        fname.write(b"half a picture")
+        raise RuntimeError("the power went out")
+
+
+def test_failed_save_leaves_the_old_picture_and_no_rest(tmp_path: Path) -> None:
+    path = tmp_path / "new" / "picture.png"
+    save_figure(Figure(figsize=(1, 1)), path)
+    before = path.read_bytes()
+    assert before.startswith(b"\x89PNG")
+    with pytest.raises(RuntimeError, match="power"):
+        save_figure(BrokenFigure(), path)
+    assert path.read_bytes() == before
+    with pytest.raises(RuntimeError, match="power"):
+        save_figure(BrokenFigure(), path.with_name("other.png"))
+    assert [p.name for p in path.parent.iterdir()] == ["picture.png"]
+
+
+def test_saving_is_the_same_bytes_again(tmp_path: Path, figure: Figure) -> None:
+    first = save_figure(figure, tmp_path / "a.png", dpi=40.0).read_bytes()
+    again = save_figure(render_sample(make_view()), tmp_path / "b.png", dpi=40.0).read_bytes()
+    assert again == first
+
+
+def test_saving_by_name_and_where_it_cannot(tmp_path: Path) -> None:
+    assert save_figure(Figure(), tmp_path / "a.PDF").read_bytes().startswith(b"%PDF")
+    with pytest.raises(DataError, match="must end in one of"):
+        save_figure(Figure(), tmp_path / "a.npz")
+    (tmp_path / "file").write_text("not a folder")
+    with pytest.raises(DataError, match="Cannot write the picture"):
+        save_figure(Figure(), tmp_path / "file" / "a.png")
