@@ -38,20 +38,26 @@ make_venv() {
     fi
 }
 
-checksum() {
+# What an installation depends on: the requirements, and where it lies (programs in .venv/bin and the
+# editable install hold absolute paths).
+fingerprint() {
     .venv/bin/python -c \
-        'import hashlib, sys; print(hashlib.sha256(open(sys.argv[1], "rb").read()).hexdigest())' "$1"
+        'import hashlib; print(hashlib.sha256(open("pyproject.toml", "rb").read()).hexdigest())' || return 1
+    printf '%s\n' "$PWD"
+}
+
+is_usable() {
+    .venv/bin/python -c 'import sys; sys.exit(not (3, 10) <= sys.version_info < (3, 13))' \
+        >/dev/null 2>&1 || return 1
+    # One that was copied or moved here from another folder would run that folder's code.
+    [ ! -f .venv/shoot-installed ] || [ "$(tail -n 1 .venv/shoot-installed)" = "$PWD" ]
 }
 
 set_up_environment() {
     local extras=${1:-} stamp sum
     stamp=.venv/shoot-installed${extras:+-$extras}
-    # Asks for the right version too: a .venv copied from elsewhere, or whose Python is gone, is made anew.
-    if ! .venv/bin/python -c 'import sys; sys.exit(not (3, 10) <= sys.version_info < (3, 13))' \
-        >/dev/null 2>&1; then
-        make_venv || return 1
-    fi
-    sum=$(checksum pyproject.toml)
+    is_usable || make_venv || return 1
+    sum=$(fingerprint) || return 1
     if [ "$(cat "$stamp" 2>/dev/null)" != "$sum" ]; then
         say "Installing shoot${extras:+ with its extra '$extras'} and what it needs into .venv" \
             "(several GB with the CUDA build of torch; the README tells how to get the CPU build)."

@@ -135,12 +135,13 @@ _CPU_IMAGE = ImageConfig(
     flip=False,
 )
 _CPU_MODEL = ModelConfig(
-    backbone="plain-24-48-96",
+    backbone="plain-16-32-64-128",
     pretrained="none",
     context_channels=32,
     image_stride=8,
     neck_channels=64,
-    stem_channels=32,
+    stem_channels=24,
+    decoder_channels=48,
     depth=DepthBins(min_m=4.0, max_m=46.0, step_m=2.0),
     grid=BevGrid(x_min_m=-10.0, x_max_m=70.0, y_min_m=-40.0, y_max_m=40.0, cell_m=1.0),
 )

@@ -75,9 +75,9 @@ class LabelledSplit:
     labels: NDArray[np.int64]
 
     @property
-    def scene_names(self) -> NDArray[np.str_]:
+    def scene_names(self) -> NDArray[np.character]:
         """[S] name of each sample's scene."""
-        names: NDArray[np.str_] = self.index.scene_name[self.futures.scene]
+        names: NDArray[np.character] = self.index.scene_name[self.futures.scene]
         return names
 
 

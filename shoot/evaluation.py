@@ -138,8 +138,8 @@ def evaluate(
     """Score every method on the same samples, beside each other and split up.
 
     Args:
-        log_probs: Method -> log-probabilities in nats, [S, K]; or [K] where they are the same for all
-            samples. `model` is compared with every other.
+        log_probs: Method -> log-probabilities in nats, [S, K]; or [K] where they are the same for
+            all samples. `model` is compared with every other.
         labels: Nearest template of each sample.
         futures: Driven paths in metres in `ego`.
         templates: Templates in metres in `ego`.

@@ -1,5 +1,3 @@
-import itertools
-
 import numpy as np
 import pytest
 import torch
@@ -188,14 +186,14 @@ class TestBlind:
 
     @pytest.mark.parametrize(
         ("off_grid", "interpolation"),
-        list(itertools.product(("learned", "border", "zero"), ("nearest", "bilinear"))),
+        [("learned", "bilinear"), ("border", "bilinear"), ("zero", "nearest")],
     )
     def test_it_is_what_the_planner_says_of_its_map(self, off_grid, interpolation):
-        points = np.random.default_rng(4).uniform((-1, -5), (9, 5), (30, 5, 2))
+        points = np.random.default_rng(4).uniform((-1, -5), (9, 5), (20, 5, 2))
         planner = _planner(points, off_grid, interpolation)
         generator = np.random.default_rng(5)
-        labels = generator.integers(0, 30, 400) // 2
-        fit = fit_blind(planner, labels, np.arange(400) // 8)
+        labels = generator.integers(0, 20, 80) // 2
+        fit = fit_blind(planner, labels, np.arange(80) // 8)
         assert planner.off_grid_cost.item() == 0.0  # the planner given is left alone
         with torch.no_grad():
             planner.off_grid_cost.fill_(fit.off_grid_cost)
@@ -219,11 +217,12 @@ class TestBlind:
     def test_decay_grows_when_scenes_say_little_of_others(self):
         # Each scene repeats one label of its own: what training scenes show does not come again.
         scene = np.repeat(np.arange(40), 8)
-        points = np.random.default_rng(8).uniform((0, -4), (8, 4), (40, 5, 2))
+        points = np.random.default_rng(8).uniform((0, -4), (8, 4), (60, 5, 2))
         alone = fit_blind(_planner(points), scene, scene)
         mixed = fit_blind(_planner(points), np.tile(np.arange(8), 40), scene)
         assert alone.weight_decay > mixed.weight_decay
-        assert alone.held_out_nll < np.log(40) + 0.5
+        # A label never seen cannot be told better than by chance; lower means it was seen.
+        assert np.log(60) <= alone.held_out_nll < np.log(60) + 0.2
 
     def test_one_scene_still_gives_a_distribution(self):
         fit = fit_blind(_planner(self.disjoint), self.labels, np.zeros_like(self.labels))

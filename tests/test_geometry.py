@@ -18,7 +18,7 @@ from lss_core.geometry import (
 
 
 def test_a_car_that_stands_turned_sees_points_where_it_should() -> None:
-    # The car stands at (10, 5) and looks to +y: its own (2 ahead, 1 left) is global (10 - 1, 5 + 2).
+    # The car stands at (10, 5), looks to +y: its own (2 ahead, 1 left) is global (10 - 1, 5 + 2).
     global_from_ego = rigid_from_yaw(np.array([10.0, 5.0]), np.array(math.pi / 2))
     points = apply(global_from_ego, np.array([[2.0, 1.0, 0.5]]))
     np.testing.assert_allclose(points, [[9.0, 7.0, 0.5]], atol=1e-12)

@@ -127,7 +127,7 @@ def test_a_weights_file_that_does_not_fit_says_so(tmp_path: Path, how: str) -> N
 
 def test_a_weights_file_that_is_absent_or_rubbish_says_so(tmp_path: Path) -> None:
     path = tmp_path / "weights.pth"
-    with pytest.raises(DataError, match="No weights file at .*weights.pth"):
+    with pytest.raises(DataError, match=r"No weights file at .*weights.pth"):
         create_backbone("resnet10t", str(path), 16)
     for name in ("weights.pth", "weights.safetensors"):
         (tmp_path / name).write_bytes(b"not weights")

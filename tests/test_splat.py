@@ -1,4 +1,4 @@
-"""The fast splat against the definition, the paper's own formulation, and borders worked by hand."""
+"""The fast splat against the definition and the paper's own formulation; borders by hand."""
 
 import copy
 import pickle

@@ -141,7 +141,7 @@ def test_sha256_follows_points_and_time_step() -> None:
     assert TemplateSet(moved, 0.25, templates.counts).sha256 != templates.sha256
     assert TemplateSet(templates.points, 0.5, templates.counts).sha256 != templates.sha256
     reshaped = templates.points.reshape(12, 10, 2)
-    assert TemplateSet(reshaped, 0.25, np.zeros(12)).sha256 != templates.sha256
+    assert TemplateSet(reshaped, 0.25, np.arange(12)).sha256 != templates.sha256
 
 
 def test_round_trip(tmp_path: Path) -> None:

@@ -112,7 +112,7 @@ def load_image(path: Path, pixel_map: PixelMap) -> NDArray[np.uint8]:
         image = image.convert("RGB").resize(
             (resized_w, resized_h), _FILTER, box=(0, 0, raw_w / reduced, raw_h / reduced)
         )
-    except OSError as error:
+    except (OSError, SyntaxError, ValueError) as error:  # Pillow's names for broken chunks
         raise DataError(f"The image '{path}' is damaged: {error}.") from error
     height, width = pixel_map.image_hw
     left, top = pixel_map.left_px, pixel_map.top_px

@@ -38,6 +38,7 @@ _TABLES = (
 LIDAR = "LIDAR_TOP"
 
 
+# Texts are annotated `np.character`: checked at run time, `np.str_` stands for empty texts only.
 @dataclass(frozen=True)
 class SampleIndex:
     """What is known of S samples, N cameras, C scenes and P ego poses, without opening the tables.
@@ -71,24 +72,24 @@ class SampleIndex:
         track_yaw_rad: [P] heading in `global`.
     """
 
-    cameras: NDArray[np.str_]
-    sample_token: NDArray[np.str_]
+    cameras: NDArray[np.character]
+    sample_token: NDArray[np.character]
     sample_scene: NDArray[np.int64]
     time_s: FloatArray
     global_from_ego: FloatArray
     has_camera: NDArray[np.bool_]
-    image_path: NDArray[np.str_]
+    image_path: NDArray[np.character]
     image_hw: NDArray[np.int64]
     rawpixel_from_camera: FloatArray
     egocam_from_camera: FloatArray
     global_from_egocam: FloatArray
     camera_time_s: FloatArray
-    lidar_path: NDArray[np.str_]
+    lidar_path: NDArray[np.character]
     ego_from_lidar: FloatArray
-    scene_name: NDArray[np.str_]
-    scene_token: NDArray[np.str_]
-    scene_description: NDArray[np.str_]
-    scene_location: NDArray[np.str_]
+    scene_name: NDArray[np.character]
+    scene_token: NDArray[np.character]
+    scene_description: NDArray[np.character]
+    scene_location: NDArray[np.character]
     track_start: NDArray[np.int64]
     track_time_s: FloatArray
     track_xy_m: FloatArray
@@ -215,6 +216,8 @@ def _build_index(root: Path, version: str, cameras: tuple[str, ...]) -> SampleIn
             f"it has {', '.join(sorted(known))}."
         )
     scenes = nusc.scene
+    if not scenes or not nusc.sample:
+        raise DataError(f"The tables of '{root / version}' hold no scene with samples.")
     scene_row = {scene["token"]: row for row, scene in enumerate(scenes)}
     keyframe: dict[tuple[str, str], Any] = {}
     sweeps: dict[str, list[Any]] = defaultdict(list)

@@ -19,10 +19,12 @@ class DataSource:
     Attributes:
         root: Folder that holds the version's folder.
         version: Name of the tables' folder.
+        cameras: Channels, as in training: both then share one cached index.
     """
 
     root: str
     version: str = "v1.0-trainval"
+    cameras: tuple[str, ...] = CAMERAS
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,7 @@ def fit(config: FitTemplatesConfig) -> TemplateSet:
     out = Path(config.out)
     if out.suffix != ".npz":
         raise DataError(f"The template file must end in .npz, got '{out}'.")
-    index = load_index(config.data.root, config.data.version, CAMERAS)
+    index = load_index(config.data.root, config.data.version, config.data.cameras)
     rows = rows_of_split(index, config.data.root, config.data.version, config.split)
     futures = mine_futures(index, rows, "sweeps")
     num_scenes = len(set(futures.scene.tolist()))

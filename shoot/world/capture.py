@@ -7,10 +7,9 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from shoot.world import scenery
 from shoot.world.rig import make_rig
 from shoot.world.scenario import describe, make_look, make_scenario
-from shoot.world.scenery import AgentPose
+from shoot.world.scenery import ego_pose
 from shoot.world.sensors import CitySensors, Sweep
 from shoot.world.tables import AnnotationBook, Row, calibration_rows, chain, pose_row
 from shoot.world.tiling import LOCATIONS, Tile, seed_of, token
@@ -62,7 +61,7 @@ def keyframe_steps(num_steps: int, rng: np.random.Generator) -> list[int]:
 
 def texel_m(image_scale: float) -> float:
     """Finest texture worth painting for images of a scale."""
-    return 0.1 if image_scale >= 0.2 else 0.125
+    return 0.1 if image_scale >= 0.2 else 0.16
 
 
 def capture_scene(order: SceneOrder, town: Town, root: Path) -> dict[str, list[Row]]:
@@ -90,7 +89,7 @@ def capture_scene(order: SceneOrder, town: Town, root: Path) -> dict[str, list[R
     book = AnnotationBook(seed, name)
 
     def record(channel: str, time_us: int, sample_token: str, is_key_frame: bool) -> Row:
-        x, y, yaw = scenery.ego_pose(recording, time_us / 1e6)
+        x, y, yaw = ego_pose(recording, time_us / 1e6)
         stamp_us = first_us + time_us
         row_token = token(seed, name, "sample_data", channel, stamp_us)
         poses.append(pose_row(row_token, stamp_us, np.array([x, y]) + origin_m, yaw))
@@ -199,29 +198,25 @@ def _annotate(
 ) -> None:
     """Note the boxes of all road users and parked cars that the lidar touched or the ego sees well."""
     town, recording = sensors.town, sensors.recording
-    x, y, _ = scenery.ego_pose(recording, time_s)
+    x, y, _ = ego_pose(recording, time_s)
     ego_m = np.array([x, y])
     parked = [
         (index, car)
         for index, car in enumerate(town.parked_cars)
         if np.hypot(*(car.xy_m - ego_m)) < PARKED_REACH_M
     ]
-    agents: list[AgentPose] = [
-        pose
-        for pose in scenery.agent_poses(recording, time_s)
-        if np.hypot(*(pose.xy_m - ego_m)) < AGENT_REACH_M
-    ]
     boxes = [
         (index, "car", car.xy_m, car.yaw_rad, car.size_m, "vehicle.parked") for index, car in parked
     ]
-    for pose in agents:
-        agent = pose.agent
+    moment = sensors.movers.at(time_s).within(ego_m, AGENT_REACH_M)
+    for k, index in enumerate(moment.index.tolist()):
+        agent, moves = recording.agents[index], bool(moment.speed_mps[k] > 0.2)
         if agent.kind == "pedestrian":
-            state = "pedestrian.moving" if pose.speed_mps > 0.2 else "pedestrian.standing"
+            state = "pedestrian.moving" if moves else "pedestrian.standing"
         else:
-            state = "vehicle.moving" if pose.speed_mps > 0.2 else "vehicle.stopped"
-        number = len(town.parked_cars) + pose.index
-        boxes.append((number, agent.kind, pose.xy_m, pose.yaw_rad, agent.size_m, state))
+            state = "vehicle.moving" if moves else "vehicle.stopped"
+        number, yaw_rad = len(town.parked_cars) + index, float(moment.yaw_rad[k])
+        boxes.append((number, agent.kind, moment.xy_m[k], yaw_rad, agent.size_m, state))
     if not boxes:
         return
     ids = np.array([box[0] for box in boxes], np.int32)

@@ -27,17 +27,19 @@ class Route:
 
     Attributes:
         lanes: Lanes and paths in order.
-        starts_m: [len(lanes) + 1] arc length where each begins; the last entry ends the route.
+        starts_m: Arc length where each begins, and where the last one ends.
         xy_m: [Q, 2] every `ROUTE_STEP_M`.
         yaw_rad: [Q] heading, continuous.
         cap_mps: [Q] speed that limits and bends allow, with room to brake for what comes.
+        pace: Factor on all speeds, near 1.
     """
 
     lanes: tuple[int, ...]
-    starts_m: FloatArray
+    starts_m: tuple[float, ...]
     xy_m: FloatArray
     yaw_rad: FloatArray
     cap_mps: FloatArray
+    pace: float
 
     def pose(self, at_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """([T, 2] points, [T] headings) at [T] arc lengths."""
@@ -59,15 +61,22 @@ def plan_route(
         rng: Source of chance.
     """
     lanes = [first_lane]
-    lengths_m = [float(arc_lengths(town.lanes[first_lane].centreline_m)[-1])]
-    while sum(lengths_m) < length_m:
+    so_far_m = float(arc_lengths(town.lanes[first_lane].centreline_m)[-1])
+    while so_far_m < length_m:
         onward = town.lanes[lanes[-1]].successors
         lanes.append(int(onward[rng.integers(len(onward))]))
-        lengths_m.append(float(arc_lengths(town.lanes[lanes[-1]].centreline_m)[-1]))
-    return _follow([town.lanes[i] for i in lanes], np.array(lengths_m), pace)
+        so_far_m += float(arc_lengths(town.lanes[lanes[-1]].centreline_m)[-1])
+    return follow_lanes([town.lanes[i] for i in lanes], pace)
 
 
-def _follow(lanes: list[Lane], lengths_m: FloatArray, pace: float) -> Route:
+def follow_lanes(lanes: list[Lane], pace: float) -> Route:
+    """The route along lanes that lead from one into the next.
+
+    Args:
+        lanes: In order.
+        pace: Factor on all speeds, near 1.
+    """
+    lengths_m = np.array([float(arc_lengths(lane.centreline_m)[-1]) for lane in lanes])
     joined = np.concatenate(
         [lane.centreline_m[min(i, 1) :] for i, lane in enumerate(lanes)]
     )  # fmt: skip
@@ -90,10 +99,11 @@ def _follow(lanes: list[Lane], lengths_m: FloatArray, pace: float) -> Route:
     reachable = np.minimum.accumulate(energy[::-1])[::-1] - 2 * BRAKE_MPS2 * at_m
     return Route(
         tuple(lane.lane_id for lane in lanes),
-        starts_m,
+        tuple(starts_m.tolist()),
         xy_m,
         yaw_rad,
         np.sqrt(np.maximum(reachable, 0.25)),
+        pace,
     )
 
 
@@ -134,4 +144,4 @@ def stop_accel(speed_mps: float, room_m: float) -> float:
 
 def can_stop(speed_mps: float, room_m: float, brake_mps2: float = HARD_BRAKE_MPS2) -> bool:
     """Whether one comes to rest within `room_m` at `brake_mps2`."""
-    return room_m > 0.0 and bool(speed_mps**2 <= 2 * brake_mps2 * room_m)
+    return bool(room_m > 0.0 and speed_mps**2 <= 2 * brake_mps2 * room_m)

@@ -63,9 +63,9 @@ def _wet_lens(shown: Float32Array, rng: np.random.Generator) -> None:
         radius = max(int(rng.uniform(0.008, 0.024) * width), 1)
         left, right = max(u - radius, 0), min(u + radius + 1, width)
         top, bottom = max(v - radius, 0), min(v + radius + 1, height)
-        down, across = np.mgrid[top:bottom, left:right]
-        away = np.hypot(down - v, across - u)
+        down, across = np.arange(top, bottom) - v, np.arange(left, right) - u
+        away = np.hypot(down[:, None], across)
         inside = np.clip(radius + 0.5 - away, 0, 1).astype(np.float32) * np.float32(0.75)
-        for plane in shown:
-            patch = plane[top:bottom, left:right]
-            patch += inside * (patch.mean() * np.float32(1.05) - patch)
+        patch = shown[:, top:bottom, left:right]
+        mean = patch.mean(axis=(1, 2), keepdims=True)
+        patch += inside * (mean * np.float32(1.05) - patch)

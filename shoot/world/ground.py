@@ -20,9 +20,10 @@ from shoot.world.town import FloatArray, RoadLine, Town
 ImageArray = NDArray[np.uint8]
 
 MARGIN_M = 40.0
+_RED_BLUE, _LOW, _BYTE = np.uint32(0x00FF00FF), np.uint32(0xFF), np.uint32(8)
 _SUBPIXEL_BITS = 4
 _GRASS, _ASPHALT, _PARKING, _PAVEMENT, _KERB, _YARD = (
-    (92, 112, 68), (96, 97, 100), (106, 104, 103), (158, 154, 147), (184, 182, 176), (128, 124, 112),
+    (92, 112, 68), (102, 103, 107), (114, 111, 109), (158, 154, 147), (184, 182, 176), (128, 124, 112),
 )  # fmt: skip
 _WHITE, _YELLOW = (232, 232, 226), (226, 176, 52)
 _DASH_M = {"lane": (3.0, 4.0), "centre": (2.5, 3.5)}
@@ -88,13 +89,44 @@ class Ground:
             column = np.clip((x + shift * step_x).astype(np.int32), 0, last_column)
             row = np.clip((y + shift * step_y).astype(np.int32), 0, last_row)
             texel = self.texels[start + row * width + column]
-            red_blue += texel & np.uint32(0x00FF00FF)
-            green += (texel >> np.uint32(8)) & np.uint32(0xFF)
-        planes = np.empty((3, len(x)), np.float32)
-        planes[0], planes[1] = red_blue & np.uint32(0xFFFF), green
-        planes[2] = red_blue >> np.uint32(16)
-        planes *= np.float32(1 / (255 * taps))
+            red_blue += texel & _RED_BLUE
+            green += (texel >> _BYTE) & _LOW
+        planes = _unpacked(red_blue, green, 255 * taps)
+        near = np.flatnonzero(size < 1)
+        if len(near):
+            stretch = np.float32(0.5 * taps / 2)
+            far_m = (stretch * step_x[near], stretch * step_y[near])
+            planes[:, near] = self._between_texels(x[near], y[near], *far_m)
         return np.asarray(planes * planes, np.float32)
+
+    def _between_texels(
+        self, x: Float32Array, y: Float32Array, far_x: Float32Array, far_y: Float32Array
+    ) -> Float32Array:
+        """Display colours [3, P] close by, where a texel is larger than a pixel: two smooth taps.
+
+        Places and half the distance between the taps are in texels of level 0.
+        """
+        red_blue = np.zeros(len(x), np.uint32)
+        green = np.zeros(len(x), np.uint32)
+        rows, columns = int(self.heights[0]), int(self.widths[0])
+        for sign in (-0.5, 0.5):
+            u = np.clip(x + np.float32(sign) * far_x - np.float32(0.5), 0, columns - 2)
+            v = np.clip(y + np.float32(sign) * far_y - np.float32(0.5), 0, rows - 2)
+            column, row = u.astype(np.int32), v.astype(np.int32)
+            corner = row * columns + column
+            # Weights are whole numbers; those of both taps together sum to 256.
+            right = ((u - column) * 16).astype(np.uint32)
+            up = ((v - row) * 8).astype(np.uint32)
+            for step, weight in (
+                (0, (16 - right) * (8 - up)),
+                (1, right * (8 - up)),
+                (columns, (16 - right) * up),
+                (columns + 1, right * up),
+            ):
+                texel = self.texels[corner + step]
+                red_blue += (texel & _RED_BLUE) * weight
+                green += ((texel >> _BYTE) & _LOW) * weight
+        return _unpacked(red_blue, green, 255 * 256)
 
     def glow(self, x_m: Float32Array, y_m: Float32Array) -> Float32Array:
         """Light of the street lamps at points ([P] each)."""
@@ -102,6 +134,15 @@ class Ground:
         column = np.clip((x_m - np.float32(self.origin_m[0])).astype(np.int32), 0, columns - 1)
         row = np.clip((y_m - np.float32(self.origin_m[1])).astype(np.int32), 0, rows - 1)
         return np.asarray(self.lamp_glow[row, column], np.float32)
+
+
+def _unpacked(red_blue: NDArray[np.uint32], green: NDArray[np.uint32], white: int) -> Float32Array:
+    """Sums of packed texels as planes [3, P] of display colours, 0 to 1."""
+    planes = np.empty((3, len(green)), np.float32)
+    planes[0], planes[1] = red_blue & np.uint32(0xFFFF), green
+    planes[2] = red_blue >> np.uint32(16)
+    planes *= np.float32(1 / white)
+    return planes
 
 
 class _Canvas:
@@ -359,4 +400,4 @@ def _lamp_glow(town: Town, side_m: float, strength: float) -> Float32Array:
         height2 = np.float32(max(thing.height_m, 4.0) ** 2)
         pool = (height2 / (height2 + 1.2 * (dx**2 + dy**2))) ** 2
         glow[row - reach : row + reach + 1, column - reach : column + reach + 1] += pool
-    return np.asarray(np.minimum(glow, 1.5) * np.float32(0.16 * strength), np.float32)
+    return np.asarray(np.minimum(glow, 1.5) * np.float32(0.30 * strength), np.float32)

@@ -62,30 +62,69 @@ def light_of(look: Look) -> Light:
     def rgb(red: float, green: float, blue: float) -> Float32Array:
         return np.array([red, green, blue], np.float32)
 
+    wetness = 1.0 if look.is_raining else 0.0
     if look.daylight == "night":
-        wet = 1.0 if look.is_raining else 0.0
         return Light(
-            sun, rgb(0.004, 0.005, 0.008), rgb(0.016, 0.019, 0.030), rgb(0.020, 0.021, 0.030),
-            rgb(0.004, 0.005, 0.011), 160.0, 1.0, are_lamps_lit=True, headlamps=1.0, street_lamps=1.0, lit_windows=0.35,
-            wetness=wet, noise=0.022, lamp_gain=1.3,
-        )  # fmt: skip
+            sun_direction=sun,
+            sun_rgb=rgb(0.006, 0.007, 0.011),
+            ambient_rgb=rgb(0.034, 0.038, 0.056),
+            horizon_rgb=rgb(0.030, 0.032, 0.046),
+            zenith_rgb=rgb(0.006, 0.008, 0.017),
+            haze_m=110.0 if look.is_raining else 170.0,
+            shadow=1.0,
+            are_lamps_lit=True,
+            headlamps=1.0,
+            street_lamps=1.0,
+            lit_windows=0.35,
+            wetness=wetness,
+            noise=0.020,
+            lamp_gain=1.3,
+        )
     if look.is_raining:
         dim = 0.5 if look.daylight == "dusk" else 1.0
         return Light(
-            sun, dim * rgb(0.05, 0.05, 0.05), dim * rgb(0.44, 0.46, 0.50), dim * rgb(0.50, 0.53, 0.57),
-            dim * rgb(0.36, 0.39, 0.44), 95.0, 0.92, are_lamps_lit=True, headlamps=0.0 if dim == 1.0 else 0.15, street_lamps=0.08 / dim - 0.08,
-            lit_windows=0.15, wetness=1.0, cloudiness=0.12, noise=0.013, lamp_gain=1.0,
-        )  # fmt: skip
+            sun_direction=sun,
+            sun_rgb=dim * rgb(0.08, 0.08, 0.08),
+            ambient_rgb=dim * rgb(0.56, 0.58, 0.62),
+            horizon_rgb=dim * rgb(0.58, 0.61, 0.65),
+            zenith_rgb=dim * rgb(0.40, 0.43, 0.48),
+            haze_m=200.0,
+            shadow=0.92,
+            are_lamps_lit=True,
+            headlamps=0.0 if dim == 1.0 else 0.15,
+            street_lamps=0.0 if dim == 1.0 else 0.1,
+            lit_windows=0.12,
+            wetness=wetness,
+            cloudiness=0.12,
+            noise=0.012,
+        )
     if look.daylight == "dusk":
         return Light(
-            sun, rgb(0.40, 0.24, 0.13), rgb(0.17, 0.17, 0.23), rgb(0.72, 0.47, 0.34),
-            rgb(0.15, 0.19, 0.33), 330.0, 0.55, are_lamps_lit=True, headlamps=0.15, street_lamps=0.12, lit_windows=0.22,
-            cloudiness=0.25, noise=0.013, lamp_gain=1.1,
-        )  # fmt: skip
+            sun_direction=sun,
+            sun_rgb=rgb(0.46, 0.28, 0.15),
+            ambient_rgb=rgb(0.24, 0.24, 0.32),
+            horizon_rgb=rgb(0.76, 0.50, 0.37),
+            zenith_rgb=rgb(0.18, 0.22, 0.38),
+            haze_m=330.0,
+            shadow=0.6,
+            are_lamps_lit=True,
+            headlamps=0.15,
+            street_lamps=0.12,
+            lit_windows=0.22,
+            cloudiness=0.25,
+            noise=0.012,
+            lamp_gain=1.1,
+        )
     return Light(
-        sun, rgb(0.78, 0.73, 0.64), rgb(0.34, 0.37, 0.43), rgb(0.70, 0.78, 0.86),
-        rgb(0.20, 0.36, 0.66), 520.0, 0.42, cloudiness=0.3,
-    )  # fmt: skip
+        sun_direction=sun,
+        sun_rgb=rgb(0.92, 0.86, 0.75),
+        ambient_rgb=rgb(0.46, 0.50, 0.57),
+        horizon_rgb=rgb(0.74, 0.81, 0.88),
+        zenith_rgb=rgb(0.22, 0.39, 0.70),
+        haze_m=520.0,
+        shadow=0.48,
+        cloudiness=0.3,
+    )
 
 
 def lit(

@@ -102,11 +102,10 @@ def town_layers(town: Town, name: str, origin_m: FloatArray) -> MapLayers:
             "drivable_area_token": area,
         })  # fmt: skip
 
+    segments = shapely.STRtree([shapely.Polygon(c.outline_m) for c in town.intersections] + streets)
+
     def segment_at(point_m: FloatArray) -> str:
-        spot = shapely.Point(*point_m[:2])
-        areas = [shapely.Polygon(c.outline_m) for c in town.intersections] + streets
-        distances = [spot.distance(part) for part in areas]
-        return draw.token("road_segment", int(np.argmin(distances))) if distances else ""
+        return draw.token("road_segment", int(segments.nearest(shapely.Point(*point_m[:2]))))
 
     for number, crosswalk in enumerate(town.crosswalks):
         draw.add("ped_crossing", {
@@ -279,10 +278,8 @@ def town_mask(town: Town) -> NDArray[np.uint8]:
                 np.round(np.asarray(ring.coords) / MASK_CELL_M * 16 - 8).astype(np.int32)
                 for ring in (part.exterior, *part.interiors)
             ]
-            # One ring at a time would fill the holes; together, inside means inside an odd number.
-            layer = np.zeros_like(mask)
-            cv2.fillPoly(layer, rings, 255, cv2.LINE_8, 4)
-            np.maximum(mask, layer, out=mask)
+            # All rings at once: inside then means inside an odd number of them, and holes stay free.
+            cv2.fillPoly(mask, rings, 255, cv2.LINE_8, 4)
     return mask
 
 

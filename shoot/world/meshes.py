@@ -13,7 +13,7 @@ MATTE, FACADE, LAMP, SHADOW, GLASS = 0, 1, 2, 3, 4
 NO_TAG = -1
 
 
-def linear_rgb(red: float, green: float, blue: float) -> Float32Array:
+def linear_rgb(red: int, green: int, blue: int) -> Float32Array:
     """Turn a display colour (0 to 255) into linear light (0 to 1), for a display gamma of 2."""
     return np.square(np.asarray([red, green, blue], np.float32) / 255.0)
 

@@ -25,6 +25,7 @@ MOUTH_TO_CROSSWALK_M = 1.0
 CROSSWALK_TO_STOP_M = 1.2
 PARKING_M = 2.2
 PAVEMENT_M = 3.0
+MIDWAY_SHARE = 0.3
 KERB_RADIUS_M = 6.5
 POLE_ROOM_M = 0.5
 SIGNALLED_SHARE = {3: 0.8, 4: 1.0}
@@ -316,11 +317,16 @@ def _note_crosswalk(draft: _Draft, lane: int, crosswalk: int, at_m: float) -> No
 def _cross_midway(draft: _Draft, road: _Road, rng: np.random.Generator) -> None:
     """Perhaps a crosswalk between intersections."""
     length_m = arc_lengths(road.middle_m)[-1]
-    wanted = rng.random() < 0.3
-    at_m = length_m * rng.uniform(0.42, 0.58)
+    wanted = rng.random() < MIDWAY_SHARE
     if length_m < 48.0 or not wanted:
         return
-    centre, along = point_at(road.middle_m, at_m)
+    for share in rng.permutation([0.42, 0.5, 0.58]):
+        centre, along = point_at(road.middle_m, length_m * share)
+        around = [point_at(road.middle_m, length_m * share + d_m)[1] for d_m in (-8.0, 8.0)]
+        if min(tangent @ along for tangent in around) > 0.995:
+            break
+    else:
+        return  # nobody paints one in a bend
     left = np.array([-along[1], along[0]])
     half_m = road.plan.kind.half_m
     ends = [centre - along * CROSSWALK_M / 2, centre + along * CROSSWALK_M / 2]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from shoot.world.junctions import plan_signals
+from shoot.world.junctions import SignalPlan, plan_signals
 from shoot.world.recording import Agent, Look, Recording
 from shoot.world.town import FloatArray, Town
 from shoot.world.traffic import STEP_S, Car, Traffic, place_cars
@@ -10,7 +10,10 @@ from shoot.world.walkers import Pavements, Walker, send_walkers
 
 DT_S = 0.05
 BURN_IN_S = 20.0
-MAX_SPEED_MPS = 13.0
+BURN_IN_STEPS = round(BURN_IN_S / STEP_S)
+NUM_CARS = (18, 37)
+MAX_SPEED_MPS = 13.5
+ROUTE_TO_SPARE_M = 320.0
 KEEP_WITHIN_M = 130.0
 
 
@@ -25,25 +28,15 @@ def make_scenario(town: Town, seed: int, duration_s: float = 20.0) -> Recording:
         duration_s: Length of the recording.
     """
     rng = np.random.default_rng([seed, 0x71])
-    plan = plan_signals(town, rng)
-    start_s, end_s = -BURN_IN_S, duration_s + STEP_S
-    walkers = send_walkers(town, plan, start_s, end_s, rng)
-    route_m = (end_s - start_s) * MAX_SPEED_MPS + 320.0
-    cars = place_cars(town, int(rng.integers(18, 37)), route_m, rng)
-    traffic = Traffic(town, plan, Pavements(town, plan, walkers), cars)
-    num_burn_in = round(BURN_IN_S / STEP_S)
-    num_steps = num_burn_in + round(duration_s / STEP_S) + 1
-    for step in range(num_steps):
-        traffic.step(start_s + step * STEP_S)
-
+    plan, cars, walkers = simulate(town, rng, duration_s)
     candidates = [car for car in cars if not car.is_truck]
     ego = candidates[int(rng.integers(len(candidates)))]
     times_s = np.arange(round(duration_s / DT_S) + 1) * DT_S
-    at_m, speed_mps, _ = _trace(ego, num_burn_in, times_s)
+    at_m, speed_mps, _ = _trace(ego, BURN_IN_STEPS, times_s)
     ego_xy_m, ego_yaw_rad = ego.route.pose(at_m)
     place = np.searchsorted(ego.route.starts_m, at_m, side="right") - 1
-    agents = [_car_agent(car, num_burn_in, times_s) for car in cars if car is not ego]
-    agents += [_walker_agent(walker, num_burn_in, times_s) for walker in walkers]
+    agents = [_car_agent(car, BURN_IN_STEPS, times_s) for car in cars if car is not ego]
+    agents += [_walker_agent(walker, BURN_IN_STEPS, times_s) for walker in walkers]
     near = [agent for agent in agents if np.hypot(*(agent.xy_m - ego_xy_m).T).min() < KEEP_WITHIN_M]
     return Recording(
         dt_s=DT_S,
@@ -54,6 +47,30 @@ def make_scenario(town: Town, seed: int, duration_s: float = 20.0) -> Recording:
         agents=tuple(near),
         signal_state=plan.states(times_s),
     )
+
+
+def simulate(
+    town: Town, rng: np.random.Generator, duration_s: float
+) -> tuple[SignalPlan, list[Car], list[Walker]]:
+    """Fill a town with traffic and run it from `-BURN_IN_S` to `duration_s`.
+
+    Args:
+        town: Where.
+        rng: Source of chance.
+        duration_s: How long after the burn-in.
+
+    Returns:
+        The lights' plan, all cars and all walkers with their traces, one entry per `STEP_S`.
+    """
+    plan = plan_signals(town, rng)
+    start_s, end_s = -BURN_IN_S, duration_s + STEP_S
+    walkers = send_walkers(town, plan, start_s, end_s, rng)
+    route_m = (end_s - start_s) * MAX_SPEED_MPS + ROUTE_TO_SPARE_M
+    cars = place_cars(town, int(rng.integers(*NUM_CARS)), route_m, rng)
+    traffic = Traffic(town, plan, Pavements(town, plan, walkers), cars)
+    for step in range(BURN_IN_STEPS + round(duration_s / STEP_S) + 1):
+        traffic.step(start_s + step * STEP_S)
+    return plan, cars, walkers
 
 
 def make_look(seed: int) -> Look:

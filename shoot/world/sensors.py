@@ -9,15 +9,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from shoot.world import film, scenery
+from shoot.world import film
 from shoot.world.casting import SIGHT_M, Hits, cast, objects_met, trace
 from shoot.world.facades import Facades
 from shoot.world.ground import ImageArray, paint_ground
 from shoot.world.light import Light, light_of
 from shoot.world.meshes import FACADE, GLASS, Float32Array, Int32Array
+from shoot.world.movers import Moment, Movers
 from shoot.world.recording import Look, Recording
 from shoot.world.rig import Camera, Rig, rotation_z
-from shoot.world.scenery import AgentPose, Lamps, Solid
+from shoot.world.scenery import Lamps, Scenery, Solid, ego_pose, join_lamps
 from shoot.world.town import FloatArray, Town
 
 LIDAR_REACH_M = 90.0
@@ -93,7 +94,9 @@ class CitySensors:
         self.light: Light = light_of(look)
         self._seed = seed
         self._ground = paint_ground(town, self.light, texel_m)
-        self._standing: Solid = scenery.standing_solid(town, self.light)
+        self.movers = Movers(recording)
+        self._scenery = Scenery(town, self.light)
+        self._standing: Solid = self._scenery.solid
         self._facades = Facades(self._standing, town)
         self._rays = {camera.channel: camera.rays_camera().T.copy() for camera in rig.cameras}
         self._beams, self._rings = rig.rays_lidar()
@@ -112,21 +115,21 @@ class CitySensors:
         Returns:
             [H, W, 3] red, green, blue.
         """
-        x, y, yaw = scenery.ego_pose(self.recording, time_s)
+        x, y, yaw = ego_pose(self.recording, time_s)
         turn = rotation_z(yaw)
         ego_xy_m = np.array([x, y])
         eye_m = turn @ camera.ego_from_camera[:3, 3] + np.array([x, y, 0.0])
         view = _View(camera, eye_m, turn @ camera.ego_from_camera[:3, :3], ego_xy_m, yaw)
         rays = view.town_from_camera.astype(np.float32) @ self._rays[camera.channel]
-        poses, window = self._in_sight(scenery.agent_poses(self.recording, time_s), view)
-        moving = scenery.moving_solid(poses, time_s, self.light, len(self.town.parked_cars))
+        in_sight, window = self._in_sight(self.movers.at(time_s), view)
+        moving = self.movers.solid(in_sight, self.light, len(self.town.parked_cars))
         state = self._signal_state(time_s)
-        scenery.light_signals(self._standing, state, self.light)
+        self._scenery.set_signals(state)
 
         hits = cast(eye_m, np.ascontiguousarray(rays.T), self._standing, moving, window)
         linear = self._shade(view, rays, hits, moving)
         picture = linear.reshape(3, camera.height_px, camera.width_px)
-        lamps = scenery.burning_lamps(self.town, state, poses, self.light)
+        lamps = join_lamps(self._scenery.lamps(state), self.movers.lamps(in_sight, self.light))
         self._add_glow(picture, lamps, moving, view)
         number = round(time_s * 1e6)
         rng = np.random.default_rng([self._seed, number, _channel_number(camera.channel)])
@@ -134,7 +137,7 @@ class CitySensors:
 
     def sweep(self, time_s: float) -> Sweep:
         """Turn the lidar once, as if in an instant."""
-        x, y, yaw = scenery.ego_pose(self.recording, time_s)
+        x, y, yaw = ego_pose(self.recording, time_s)
         turn = rotation_z(yaw)
         lidar_m = turn @ self.rig.ego_from_lidar[:3, 3] + np.array([x, y, 0.0])
         town_from_lidar = turn @ self.rig.ego_from_lidar[:3, :3]
@@ -174,7 +177,7 @@ class CitySensors:
         count, samples = points_m.shape[:2]
         if count == 0:
             return np.zeros(0)
-        x, y, yaw = scenery.ego_pose(self.recording, time_s)
+        x, y, yaw = ego_pose(self.recording, time_s)
         eye_m = rotation_z(yaw) @ np.array([1.0, 0.0, 1.6]) + np.array([x, y, 0.0])
         away = points_m.reshape(-1, 3) - eye_m
         distance = np.linalg.norm(away, axis=1)
@@ -189,14 +192,9 @@ class CitySensors:
         """What moves near the ego, without shadows; kept, as it is asked for twice a keyframe."""
         if self._moving_at_s == time_s:
             return self._moving
-        poses = [
-            pose
-            for pose in scenery.agent_poses(self.recording, time_s)
-            if np.hypot(*(pose.xy_m - eye_m[:2])) < LIDAR_REACH_M + 10.0
-        ]
-        self._moving = scenery.moving_solid(
-            poses, time_s, self.light, len(self.town.parked_cars), with_shadows=False
-        )
+        moment = self.movers.at(time_s).within(eye_m, LIDAR_REACH_M + 10.0)
+        num_parked = len(self.town.parked_cars)
+        self._moving = self.movers.solid(moment, self.light, num_parked, with_shadows=False)
         self._moving_at_s = time_s
         return self._moving
 
@@ -205,21 +203,19 @@ class CitySensors:
         step = min(max(round(time_s / self.recording.dt_s), 0), last)
         return self.recording.signal_state[step]
 
-    def _in_sight(
-        self, poses: list[AgentPose], view: _View
-    ) -> tuple[list[AgentPose], Int32Array]:
+    def _in_sight(self, moment: Moment, view: _View) -> tuple[Moment, Int32Array]:
         """Agents that may be in the picture, and the pixels they and their shadows may cover."""
         camera = view.camera
         mask = np.zeros((camera.height_px, camera.width_px), bool)
-        if not poses:
-            return [], np.zeros(0, np.int32)
+        moment = moment.within(view.eye_m, _AGENT_SIGHT_M)
+        if len(moment.index) == 0:
+            return moment, np.zeros(0, np.int32)
         sun = self.light.sun_direction
         cast_m = 0.0 if self.light.shadow >= 0.9 else 0.8 / max(float(sun[2]), 0.25)
-        places = np.stack([pose.xy_m for pose in poses])
-        sizes = np.stack([pose.agent.size_m for pose in poses])
+        places, sizes = moment.xy_m, moment.size_m
         radius = np.hypot(sizes[:, 0], sizes[:, 1]) / 2 + 0.2
         square = np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
-        corners = np.zeros((len(poses), 12, 3))
+        corners = np.zeros((len(sizes), 12, 3))
         corners[..., :2] = (places[:, None] + radius[:, None, None] * square)[:, [0, 1, 2, 3] * 3]
         corners[:, 4:8, 2] = sizes[:, 2:]
         corners[:, 8:, :2] -= (cast_m * sizes[:, 2:] * sun[:2])[:, None]
@@ -236,13 +232,12 @@ class CitySensors:
         left[cut & ~np.all(side > 0, axis=1)] = 0
         right[cut & ~np.all(side < 0, axis=1)] = camera.width_px
         top[cut], bottom[cut] = 0, camera.height_px
-        near = np.hypot(*(places - view.eye_m[:2]).T) < _AGENT_SIGHT_M
-        near &= ~np.all(seen[..., 2] < 0.1, axis=1)
+        near = ~np.all(seen[..., 2] < 0.1, axis=1)
         near &= (left < camera.width_px) & (right > 0) & (top < camera.height_px) & (bottom > 0)
         for i in np.flatnonzero(near):
             rows = slice(max(int(top[i]), 0), int(bottom[i]))
             mask[rows, max(int(left[i]), 0) : int(right[i])] = True
-        return [poses[i] for i in np.flatnonzero(near)], np.flatnonzero(mask).astype(np.int32)
+        return moment.select(near), np.flatnonzero(mask).astype(np.int32)
 
     def _shade(self, view: _View, rays: Float32Array, hits: Hits, moving: Solid) -> Float32Array:
         """Linear light [3, P] that comes back along rays [3, P]."""
@@ -263,7 +258,7 @@ class CitySensors:
         shone *= hits.shade[ground]
         if light.wetness > 0:
             steep = 1 + beams[2]
-            mirror = np.float32(0.04) + np.float32(0.5) * steep * steep * steep * steep
+            mirror = np.float32(0.04) + np.float32(0.3) * steep * steep * steep * steep
             shone += np.float32(0.8 * light.wetness) * light.horizon_rgb[:, None] * mirror
         rgb[:, ground] = shone
         if albedo is not None:
@@ -363,11 +358,11 @@ class CitySensors:
         for solid in (self._standing, moving):
             free &= trace(solid, view.eye_m, rays, reach)[0] < 0
         haze = np.exp(-distance / self.light.haze_m)
-        focal_px = camera.pixel_from_camera[0, 0]
+        focal_px, gain = camera.pixel_from_camera[0, 0], self.light.lamp_gain
         for lamp in chosen[free]:
             size_px = focal_px * lamps.radius_m[lamp] / distance[lamp]
             strength = min(1.0, max(0.25, (size_px / 0.5) ** 2)) * min(1.0, 2.5 * cosine[lamp])
-            colour = lamps.rgb[lamp] * np.float32(strength * haze[lamp])
+            colour = lamps.rgb[lamp] * np.float32(gain * strength * haze[lamp])
             place = (float(u[lamp]), float(v[lamp]))
             film.add_spot(picture, *place, max(0.75 * size_px, 0.5), colour)
             if self.light.are_lamps_lit:

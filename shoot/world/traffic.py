@@ -38,8 +38,13 @@ class Car:
     Attributes:
         size_m: [3] length, width, height.
         rear_m: From its rear axle back to its rear bumper.
+        front_m: From its rear axle ahead to its front bumper.
         place: Which lane of the route it is on.
-        granted: Up to which place of the route it may go (exclusive of paths not yet granted).
+        granted: Place of the last path in its route that it was granted.
+        asked_s: Since when it has been asking for the next one.
+        accel_mps2: What it does now.
+        crossings: Crosswalks ahead: (arc length of the near edge, crosswalk, lane).
+        trace: Per step so far: arc length, speed, acceleration, place.
     """
 
     route: Route
@@ -56,10 +61,10 @@ class Car:
     crossings: list[tuple[float, int, int]] = field(default_factory=list)
     trace: list[tuple[float, float, float, int]] = field(default_factory=list)
 
-    @property
-    def front_m(self) -> float:
-        """From its rear axle to its front bumper."""
-        return float(self.size_m[0]) - self.rear_m
+    front_m: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.front_m = float(self.size_m[0]) - self.rear_m
 
 
 class Traffic:
@@ -83,7 +88,7 @@ class Traffic:
         self._line_m = [self._line_of(lane) for lane in town.lanes]
         for car in cars:
             car.crossings = sorted(
-                (car.route.starts_m[k] + at_m, c, lane)
+                (car.route.starts_m[k] + float(at_m), c, lane)
                 for k, lane in enumerate(car.route.lanes)
                 for c, at_m in town.lanes[lane].crosswalks
             )
@@ -119,7 +124,7 @@ class Traffic:
             car.at_m += 0.5 * (before + after) * STEP_S
 
     def _local_m(self, car: Car) -> float:
-        return float(car.at_m - car.route.starts_m[car.place])
+        return car.at_m - car.route.starts_m[car.place]
 
     def _gate(self, car: Car) -> tuple[int, float]:
         """(place of the next path in its route, room to the line before it)."""

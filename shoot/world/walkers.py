@@ -11,6 +11,7 @@ from shoot.world.recording import RED
 from shoot.world.town import FloatArray, Town
 
 KERB_ROOM_M = 0.6
+PAVEMENT_EDGE_M = 0.35
 # Who is that near to the kerb and may walk is about to: drivers give way.
 STEPPING_M = 1.4
 # Past a lane's middle by half a car and some air, one is out of its way.
@@ -75,7 +76,8 @@ def send_walkers(
         for c, at_m in lane.crosswalks
         if lane.turn is None and at_m > arc_lengths(lane.centreline_m)[-1] - 8.0
     }
-    shapely.prepare(town.pavement)
+    inner = town.pavement.buffer(-PAVEMENT_EDGE_M, quad_segs=2)
+    shapely.prepare(inner)
     walkers: list[Walker] = []
     for c in range(len(town.crosswalks)):
         arrivals: list[float] = []
@@ -93,13 +95,18 @@ def send_walkers(
         for arrival_s in arrivals:
             forward = bool(rng.random() < 0.5)
             for _ in range(int(rng.choice([1, 1, 2, 3]))):
-                walkers.append(_send_across(town, c, float(arrival_s), forward, rng))
-    walkers += _strollers(town, start_s, end_s, rng)
+                walkers.append(_send_across(town, inner, c, float(arrival_s), forward, rng))
+    walkers += _strollers(town, inner, start_s, end_s, rng)
     return walkers
 
 
 def _send_across(
-    town: Town, crosswalk: int, arrival_s: float, forward: bool, rng: np.random.Generator
+    town: Town,
+    inner: shapely.Geometry,
+    crosswalk: int,
+    arrival_s: float,
+    forward: bool,
+    rng: np.random.Generator,
 ) -> Walker:
     near, far = town.crosswalks[crosswalk].path_m[:: 1 if forward else -1]
     across = (far - near) / np.hypot(*(far - near))
@@ -109,7 +116,7 @@ def _send_across(
     for kerb, out in ((near, -across), (far, across)):
         corner = kerb + out * rng.uniform(0.9, 2.0) + aside
         away = [corner + along * rng.choice([-1, 1]) * rng.uniform(4.0, 14.0) for _ in range(6)]
-        good = [p for p in away if town.pavement.contains(shapely.Point(p))]
+        good = [p for p in away if shapely.contains(inner, shapely.LineString([corner, p]))]
         ends.append([corner, good[0] if good else corner + out * 0.3])
     path = np.stack([ends[0][1], ends[0][0], near + aside, far + aside, ends[1][0], ends[1][1]])
     lengths_m = arc_lengths(path)
@@ -127,11 +134,11 @@ def _send_across(
     )
 
 
-def _strollers(town: Town, start_s: float, end_s: float, rng: np.random.Generator) -> list[Walker]:
+def _strollers(
+    town: Town, inner: shapely.Geometry, start_s: float, end_s: float, rng: np.random.Generator
+) -> list[Walker]:
     """A few people who walk beside the road and never step onto it."""
     walkers = []
-    inner = town.pavement.buffer(-0.35, quad_segs=2)
-    shapely.prepare(inner)
     outer = [lane for lane in town.lanes if lane.turn is None and lane.right_lane is None]
     for lane in outer:
         for _ in range(int(rng.poisson(0.5))):
@@ -150,7 +157,7 @@ def _strollers(town: Town, start_s: float, end_s: float, rng: np.random.Generato
                     right = np.array([along[1], -along[0]])
                     points.append(point + right * (offset_m + extra_m))
                 path = np.stack(points)[:: -1 if backward else 1]
-                if inner.contains(shapely.LineString(path)):
+                if shapely.contains(inner, shapely.LineString(path)):
                     walkers.append(Walker(path, start_s, pace_mps, style, height_m))
                     break
     return walkers

@@ -1,0 +1,166 @@
+"""What the tests of the commands share: a data set, templates and a trained run, made once a session.
+
+The data set is hand-made like `tiny_tables`, but its cars change their speed, so that no two futures
+are alike and templates can be fitted to them.
+"""
+
+import contextlib
+import io
+import json
+import logging
+import math
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from filelock import FileLock
+from tiny_tables import VERSION, TinyScene, write_tiny
+
+from shoot.cli import evaluate, fit_templates, make_world, render, train
+
+NUM_TEMPLATES = 24
+# 7 s of keyframes every 0.5 s, those at 0 s ... 2 s with five seconds of future.
+SAMPLES_A_SCENE = 5
+NUM_TRAIN_SCENES, NUM_VAL_SCENES = 4, 3
+
+COMMANDS: dict[str, Callable[[], None]] = {
+    "shoot-make-world": make_world.main,
+    "shoot-fit-templates": fit_templates.main,
+    "shoot-train": train.main,
+    "shoot-evaluate": evaluate.main,
+    "shoot-render": render.main,
+}
+
+
+@dataclass(frozen=True)
+class TinyRide(TinyScene):
+    """A car on a circular arc that gains or loses speed."""
+
+    seconds: float = 7.0
+    acceleration_mps2: float = 0.0
+
+    def pose(self, time_s: float) -> tuple[float, float, float]:
+        curvature = self.yaw_rate_radps / self.speed_mps
+        way_m = self.speed_mps * time_s + 0.5 * self.acceleration_mps2 * time_s**2
+        yaw = self.yaw_rad + curvature * way_m
+        return (
+            self.x_m + (math.sin(yaw) - math.sin(self.yaw_rad)) / curvature,
+            self.y_m - (math.cos(yaw) - math.cos(self.yaw_rad)) / curvature,
+            yaw,
+        )
+
+
+TRAIN_RIDES = (
+    TinyRide("scene-0001", speed_mps=6.0, yaw_rate_radps=0.1, acceleration_mps2=0.6),
+    TinyRide("scene-0002", speed_mps=3.0, yaw_rate_radps=-0.2, acceleration_mps2=0.9),
+    TinyRide("scene-0004", speed_mps=9.0, yaw_rate_radps=0.01, acceleration_mps2=-1.1),
+    TinyRide("scene-0005", speed_mps=1.0, yaw_rate_radps=0.02, acceleration_mps2=1.3),
+)
+VAL_RIDES = (
+    TinyRide("scene-0003", speed_mps=5.0, yaw_rate_radps=0.12, acceleration_mps2=0.5),
+    TinyRide(
+        "scene-0012",
+        speed_mps=8.0,
+        yaw_rate_radps=-0.02,
+        acceleration_mps2=-0.8,
+        description="Night, rain; and a description that is long, as some of the real ones are",
+    ),
+    TinyRide("scene-0013", speed_mps=2.0, yaw_rate_radps=-0.05, acceleration_mps2=1.0),
+)
+
+# The smallest planner that still is one: every part is there.
+SMALL_FLAGS = (
+    "--data.image.height-px", "32",
+    "--data.image.width-px", "96",
+    "--model.backbone", "plain-4-6-8",
+    "--model.context-channels", "4",
+    "--model.neck-channels", "8",
+    "--model.stem-channels", "8",
+    "--model.decoder-channels", "8",
+    "--model.depth.step-m", "7",
+    "--model.grid.cell-m", "4",
+    "--optim.batch-size", "2",
+    "--optim.warmup-steps", "2",
+    "--val-samples", "0",
+    "--num-workers", "0",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Said:
+    """What a command left behind."""
+
+    status: int
+    out: str
+    err: str
+
+
+@dataclass(frozen=True)
+class TinyRun:
+    """A data set, templates fitted to it and a planner trained on it; not to be changed."""
+
+    root: Path
+    templates: Path
+    folder: Path
+
+
+def command(name: str, *arguments: object) -> Said:
+    """Run a console command in this process."""
+    out, err = io.StringIO(), io.StringIO()
+    status = 0
+    root_logger = logging.getLogger()
+    handlers = root_logger.handlers[:]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", [name, *map(str, arguments)])
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+            try:
+                COMMANDS[name]()
+            except SystemExit as ended:
+                status = ended.code if isinstance(ended.code, int) else 1
+            finally:
+                root_logger.handlers[:] = handlers
+    return Said(status, out.getvalue(), err.getvalue())
+
+
+def train_flags(root: Path, templates: Path, out: Path, steps: int, every: int) -> list[str]:
+    """Arguments of shoot-train for a tiny run."""
+    flags = ["demo", "--data.root", root, "--templates", templates, "--out", out]
+    flags += ["--optim.steps", steps, "--val-every", every, *SMALL_FLAGS]
+    return [str(flag) for flag in flags]
+
+
+def write_rides(root: Path, rides: Sequence[TinyScene] = (*TRAIN_RIDES, *VAL_RIDES)) -> Path:
+    """Write the data set; returns `root`."""
+    return write_tiny(root, rides, image_hw=(45, 80))
+
+
+def make_tiny_run(folder: Path) -> TinyRun:
+    """Make everything, through the commands."""
+    run = TinyRun(write_rides(folder / "data"), folder / "templates.npz", folder / "run")
+    for said in (
+        command(
+            "shoot-fit-templates", "--data.root", run.root, "--out", run.templates,
+            "--k", NUM_TEMPLATES,
+        ),
+        command("shoot-train", *train_flags(run.root, run.templates, run.folder, 4, 2)),
+    ):  # fmt: skip
+        assert said.status == 0, said.err
+    return run
+
+
+@pytest.fixture(scope="session")
+def tiny_run(
+    tmp_path_factory: pytest.TempPathFactory, worker_id: str, _own_cache: None
+) -> TinyRun:
+    """A trained tiny run, shared by all workers of a session."""
+    base = tmp_path_factory.getbasetemp()
+    shared = (base if worker_id == "master" else base.parent) / "tiny-run"
+    done = shared / "done"
+    with FileLock(f"{shared}.lock"):
+        if not done.exists():
+            shared.mkdir(exist_ok=True)
+            make_tiny_run(shared)
+            done.touch()
+    return TinyRun(shared / "data", shared / "templates.npz", shared / "run")
