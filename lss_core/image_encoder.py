@@ -9,7 +9,10 @@ import safetensors
 import safetensors.torch
 import timm
 import torch
+from huggingface_hub import get_hf_file_metadata, hf_hub_url, try_to_load_from_cache
+from huggingface_hub.errors import EntryNotFoundError
 from jaxtyping import Float
+from timm.models._hub import HF_SAFE_WEIGHTS_NAME, HF_WEIGHTS_NAME
 from timm.models.efficientnet import EfficientNetFeatures
 from timm.models.mobilenetv3 import MobileNetV3Features
 from torch import Tensor, nn
@@ -18,6 +21,7 @@ from lss_core.errors import DataError
 
 IMAGENET_MEAN = (0.485, 0.456, 0.406)
 IMAGENET_STD = (0.229, 0.224, 0.225)
+_HUB_PATIENCE_S = 5.0
 
 
 class ImageEncoder(nn.Module):
@@ -159,6 +163,8 @@ def _create(
             f"There are no pretrained weights for backbone {name!r}; use --model.pretrained none."
         )
     try:
+        if pretrained:
+            _ask_hub(timm_name)
         net: nn.Module = timm.create_model(
             timm_name, pretrained=pretrained, features_only=features_only, **options
         )
@@ -174,6 +180,22 @@ def _create(
             "(--model.backbone), such as 'resnet18'."
         ) from error
     return net
+
+
+def _ask_hub(name: str) -> None:
+    """Ask the hub once for a model's weights; its own client tries for minutes before it gives up.
+
+    Raises:
+        Exception: Of many kinds, if it does not answer in seconds and the weights are not here.
+    """
+    hub_id = getattr(timm.get_pretrained_cfg(name), "hf_hub_id", None)
+    files = (HF_SAFE_WEIGHTS_NAME, HF_WEIGHTS_NAME)
+    if hub_id is None or any(isinstance(try_to_load_from_cache(hub_id, f), str) for f in files):
+        return
+    try:
+        get_hf_file_metadata(hf_hub_url(hub_id, files[0]), timeout=_HUB_PATIENCE_S)
+    except EntryNotFoundError:
+        return  # it has answered; timm knows other names of the file
 
 
 def _feature_info(net: nn.Module) -> Any:

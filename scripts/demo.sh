@@ -6,4 +6,4 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 # shellcheck source=scripts/environment.sh
 source scripts/environment.sh
 set_up_environment
-exec shoot-demo --out demo "$@"
+exec shoot-demo "$@"  # its --out is demo/ unless told otherwise

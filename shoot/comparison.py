@@ -1,8 +1,7 @@
-"""The trained planner beside its baselines on one split: log-probabilities of each, then the report."""
+"""The trained planner beside its baselines on one split, from checkpoint to report."""
 
 import numpy as np
 import torch
-from jaxtyping import Float
 from numpy.typing import NDArray
 
 from lss_core.config import DataConfig
@@ -35,9 +34,7 @@ def compare(run: TrainedRun, split: str, show_progress: bool = True) -> Report:
     """
     samples = load_split(run.config.data, split, run.templates)
     known = _training_labels(run)
-    log_probs: dict[str, Float[NDArray[np.floating], "*S K"]] = {
-        "model": predict(run, samples, show_progress)
-    }
+    log_probs = {"model": predict(run, samples, show_progress)}
     log_probs |= baseline_log_probs(known, samples, run.templates, run.module.planner)
     descriptions = samples.index.scene_description[samples.futures.scene]
     return evaluate(
@@ -63,7 +60,8 @@ def baseline_log_probs(
         planner: Grid and rules of reading for the blind planner.
 
     Returns:
-        `prior` and `blind` [K], the same for all samples; `constant_velocity` [S, K], which knows the speed.
+        `prior` and `blind` [K], the same for all samples; `constant_velocity` [S, K], which
+        knows the speed.
     """
     points = templates.points
     driving_on = constant_velocity_futures(train.futures.velocity_mps)

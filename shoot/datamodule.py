@@ -192,6 +192,19 @@ class ShareSampler(Sampler[tuple[int, int]]):
         return ((int(position), -1) for position in self.positions)
 
 
+def check_shares(batch_size: int, num_processes: int) -> None:
+    """Check that all processes get equally many samples of a batch.
+
+    Raises:
+        DataError: If not.
+    """
+    if batch_size % num_processes:
+        raise DataError(
+            f"A batch of {batch_size} cannot be shared by {num_processes} processes; choose "
+            "--optim.batch-size as a multiple of them."
+        )
+
+
 class PlanningData(pl.LightningDataModule):
     """Loaders of a training run.
 
@@ -215,11 +228,7 @@ class PlanningData(pl.LightningDataModule):
         """Batches of one round of `val_every` steps."""
         config = self.config
         rank, world = self._share()
-        if config.optim.batch_size % world:
-            raise DataError(
-                f"A batch of {config.optim.batch_size} cannot be shared by {world} processes; "
-                "choose --optim.batch-size as a multiple of them."
-            )
+        check_shares(config.optim.batch_size, world)
         sampler = StepSampler(
             len(self.train_split.labels),
             config.val_every,

@@ -103,7 +103,11 @@ def batches(
 def predict(
     run: TrainedRun, split: LabelledSplit, show_progress: bool = True
 ) -> NDArray[np.float32]:
-    """[S, K] log-probabilities of the templates for every sample of a split."""
+    """[S, K] log-probabilities of the templates for every sample of a split.
+
+    Raises:
+        DataError: If they are not finite, or an image is missing or damaged.
+    """
     positions = np.arange(len(split.labels))
     size = max(8, run.config.optim.batch_size)
     parts = [
@@ -115,4 +119,10 @@ def predict(
             disable=not show_progress,
         )
     ]
-    return np.concatenate(parts)
+    log_prob = np.concatenate(parts)
+    if not np.isfinite(log_prob).all():
+        raise DataError(
+            "The planner gives no finite scores: its training has diverged; train it with a lower "
+            "--optim.learning-rate."
+        )
+    return log_prob

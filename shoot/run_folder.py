@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from pytorch_lightning.utilities.rank_zero import rank_zero_only
 
 from lss_core.errors import DataError
 from lss_core.files import write_atomically
@@ -44,6 +45,11 @@ class RunFolder:
         """Folder of `last.ckpt` and `best.ckpt`."""
         return self.folder / "checkpoints"
 
+    @property
+    def metrics_file(self) -> Path:
+        """What was logged while training."""
+        return self.folder / "metrics.csv"
+
     def begin(self, config: TrainConfig, templates: TemplateSet) -> Path | None:
         """Write what the run is; returns the checkpoint to resume from, if any.
 
@@ -68,16 +74,20 @@ class RunFolder:
                             f"'{config.templates}'; give it its own ones."
                         )
         try:
-            self.checkpoints.mkdir(parents=True, exist_ok=True)
-            templates.save(self.templates_file)
-            config.save(self.config_file)
-            with write_atomically(self.folder / "environment.json") as stream:
-                stream.write(json.dumps(_environment(), indent=2).encode())
+            self._write(config, templates)
         except OSError as error:
             raise DataError(
                 f"The run folder '{self.folder}' cannot be written: {error}."
             ) from error
         return last if config.resume and last.exists() else None
+
+    @rank_zero_only
+    def _write(self, config: TrainConfig, templates: TemplateSet) -> None:
+        self.checkpoints.mkdir(parents=True, exist_ok=True)
+        templates.save(self.templates_file)
+        config.save(self.config_file)
+        with write_atomically(self.folder / "environment.json") as stream:
+            stream.write(json.dumps(_environment(), indent=2).encode())
 
     def config(self) -> TrainConfig:
         """What the run was told.

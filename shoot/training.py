@@ -2,14 +2,15 @@
 
 import logging
 import math
+import os
 from pathlib import Path
 from typing import Any
 
 import pytorch_lightning as pl
 import torch
 import torch.distributed as dist
-from pytorch_lightning.callbacks import LearningRateMonitor, ModelCheckpoint, RichProgressBar
-from pytorch_lightning.loggers import CSVLogger, TensorBoardLogger
+from pytorch_lightning.callbacks import LearningRateMonitor, ModelCheckpoint
+from pytorch_lightning.loggers import TensorBoardLogger
 from pytorch_lightning.strategies import DDPStrategy
 from torch import Tensor
 from torch.optim import Optimizer
@@ -18,8 +19,10 @@ from lss_core.batch import Batch
 from lss_core.errors import DataError
 from lss_core.model import CameraModel
 from shoot.config import OptimConfig, TrainConfig
-from shoot.datamodule import PlanBatch, PlanningData
+from shoot.datamodule import PlanBatch, PlanningData, check_shares
+from shoot.loop_callbacks import EndTogether, RoundProgress
 from shoot.metrics import PlanningMetrics
+from shoot.metrics_file import MetricsFile
 from shoot.planner import Planner
 from shoot.run_folder import LAST, RunFolder
 from shoot.templates import TemplateSet
@@ -57,8 +60,13 @@ class PlanningModule(pl.LightningModule):
         """Cross-entropy of the template nearest to what was driven."""
         loss = self.planner.loss(self(batch.sensors), batch.template_idx)
         size = len(batch.template_idx)
-        self.log("train_loss", loss, prog_bar=True, batch_size=size)
+        self.log("train_loss", loss, prog_bar=True, batch_size=size, sync_dist=True)
         return loss
+
+    def on_train_batch_end(self, *_: Any) -> None:
+        """End the last round early if it has fewer steps than the others: it is validated too."""
+        if self.trainer.global_step >= self.config.optim.steps:
+            self.trainer.should_stop = True
 
     def validation_step(self, batch: PlanBatch, batch_idx: int) -> None:
         """Add a batch to the running metrics."""
@@ -148,9 +156,12 @@ def train(config: TrainConfig) -> Path:
     Raises:
         DataError: If data, templates or the run folder are not as they should be.
     """
+    check_shares(config.optim.batch_size, math.prod(_processes(config)))
     templates = TemplateSet.load(config.templates)
     run = RunFolder(Path(config.out))
     resume_from = run.begin(config, templates)
+    if resume_from is not None:
+        check_templates(run.checkpoint("last"), templates.sha256, f"'{resume_from}'")
     pl.seed_everything(config.seed, workers=True, verbose=False)
     data = PlanningData(config, templates)
     module = PlanningModule(config, templates)
@@ -161,31 +172,32 @@ def train(config: TrainConfig) -> Path:
         len(data.val_split.labels),
         sum(p.numel() for p in module.parameters()) / 1e6,
     )
-    trainer = make_trainer(config, run)
+    trainer = make_trainer(config, run, resume_from is not None)
     trainer.fit(module, datamodule=data, ckpt_path=resume_from, weights_only=True)
     return run.folder
 
 
-def make_trainer(config: TrainConfig, run: RunFolder) -> pl.Trainer:
-    """Lightning's loop for a run."""
-    many = config.devices > 1 or config.num_nodes > 1 or dist.is_torchelastic_launched()
+def make_trainer(config: TrainConfig, run: RunFolder, resume: bool = False) -> pl.Trainer:
+    """Lightning's loop for a run; `resume` goes on with its record of metrics."""
+    devices, num_nodes = _processes(config)
+    many = devices > 1 or num_nodes > 1 or dist.is_torchelastic_launched()
     # Batch statistics are averaged before validation instead of at every forward pass: processes
     # may have different numbers of validation batches.
     strategy = DDPStrategy(broadcast_buffers=False) if many else "auto"
     return pl.Trainer(
         default_root_dir=run.folder,
         accelerator=config.accelerator,
-        devices=config.devices,
-        num_nodes=config.num_nodes,
+        devices=devices,
+        num_nodes=num_nodes,
         strategy=strategy,
         precision=config.precision,
         max_steps=config.optim.steps,
-        max_epochs=-1,
+        max_epochs=math.ceil(config.optim.steps / config.val_every),
         num_sanity_val_steps=0,
         use_distributed_sampler=False,
-        log_every_n_steps=10,
+        log_every_n_steps=min(10, config.val_every),
         logger=[
-            CSVLogger(run.folder, name="", version="csv"),
+            MetricsFile(run.metrics_file, resume),
             TensorBoardLogger(run.folder, name="", version="tensorboard"),
         ],
         callbacks=[
@@ -200,7 +212,16 @@ def make_trainer(config: TrainConfig, run: RunFolder) -> pl.Trainer:
                 run.checkpoints, filename=Path(LAST).stem, enable_version_counter=False
             ),
             LearningRateMonitor("step"),
-            RichProgressBar(refresh_rate=5),
+            RoundProgress(refresh_rate=5),
+            EndTogether(),
         ],
         enable_model_summary=False,
     )
+
+
+def _processes(config: TrainConfig) -> tuple[int, int]:
+    """Processes on this machine, and machines; torchrun has decided both when it started us."""
+    if not dist.is_torchelastic_launched():
+        return config.devices, config.num_nodes
+    local = int(os.environ["LOCAL_WORLD_SIZE"])
+    return local, int(os.environ["WORLD_SIZE"]) // local

@@ -105,7 +105,7 @@ def test_files_that_are_no_config(tmp_path: Path, text: bytes) -> None:
 
 
 def test_missing_config_is_no_run_folder(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="is no run folder: it has no config.yaml"):
+    with pytest.raises(DataError, match=r"is no run folder: it has no config\.yaml"):
         TrainConfig.load(tmp_path / "config.yaml")
 
 

@@ -38,9 +38,7 @@ def data(tiny_root: Path) -> DataConfig:
 @pytest.fixture(scope="module")
 def templates(data: DataConfig) -> TemplateSet:
     index = load_index(data.root, data.version, data.cameras)
-    futures = mine_futures(
-        index, rows_of_split(index, data.root, data.version, "train"), "sweeps"
-    )
+    futures = mine_futures(index, rows_of_split(index, data.root, data.version, "train"), "sweeps")
     return fit_templates(futures.xy_m, k=5, seed=0)
 
 
@@ -89,7 +87,7 @@ def test_split_without_whole_futures_is_refused(
 ) -> None:
     short = replace(TRAIN_A, seconds=4.5)
     root = write_tiny(tmp_path / "d", (short,), cameras=CAMERAS[:1], image_hw=(36, 64))
-    with pytest.raises(DataError, match="No sample of split 'train' .* has a whole future"):
+    with pytest.raises(DataError, match=r"No sample of split 'train' .* has a whole future"):
         load_split(replace(data, root=str(root), cameras=CAMERAS[:1]), "train", templates)
 
 
@@ -98,7 +96,7 @@ def test_templates_of_another_horizon_or_step_are_refused(data: DataConfig) -> N
     with pytest.raises(DataError, match="24 points, futures 20"):
         load_split(data, "val", longer)
     slower = TemplateSet(np.zeros((3, 20, 2), np.float32), 0.5, np.zeros(3, np.int64))
-    with pytest.raises(DataError, match="every 0.5 s, futures every 0.25 s"):
+    with pytest.raises(DataError, match=r"every 0.5 s, futures every 0.25 s"):
         load_split(data, "val", slower)
 
 
@@ -160,8 +158,10 @@ def test_processes_together_read_what_one_reads(
         StepSampler(num_samples, steps, batch, 3, rank, world_size) for rank in range(world_size)
     ]
     shares = [read_round(part, number) for part in parts]
-    assert [len(part) for part in parts] == [len(one) for one in shares] == [steps * share] * (
-        world_size
+    assert (
+        [len(part) for part in parts]
+        == [len(one) for one in shares]
+        == [steps * share] * (world_size)
     )
     for step in range(steps):
         together = [item for one in shares for item in one[step * share : (step + 1) * share]]
@@ -244,9 +244,7 @@ def test_workers_change_nothing(config: TrainConfig, templates: TemplateSet) -> 
         assert torch.equal(one.template_idx, other.template_idx)
 
 
-def test_splits_that_share_scenes_are_refused(
-    config: TrainConfig, templates: TemplateSet
-) -> None:
+def test_splits_that_share_scenes_are_refused(config: TrainConfig, templates: TemplateSet) -> None:
     with pytest.raises(DataError, match="share 2 scenes"):
         PlanningData(replace(config, val_split="train"), templates)
 

@@ -169,9 +169,7 @@ def test_dropped_cameras(index: SampleIndex, tiny_root: Path, dropped: int, show
 
 def test_noise_moves_cameras_by_its_deviation(index: SampleIndex, tiny_root: Path) -> None:
     sure = dataset(index, tiny_root, image=STILL)
-    noisy = dataset(
-        index, tiny_root, image=STILL, extrinsic_noise_rad=0.02, extrinsic_noise_m=0.3
-    )
+    noisy = dataset(index, tiny_root, image=STILL, extrinsic_noise_rad=0.02, extrinsic_noise_m=0.3)
     turns, moves = [], []
     for draw in range(60):
         a, b = sure[0, draw].ego_from_camera.double(), noisy[0, draw].ego_from_camera.double()
@@ -213,9 +211,7 @@ def test_camera_that_is_not_there_is_masked(index: SampleIndex, tiny_root: Path)
     assert torch.isfinite(part.ego_from_camera).all()
 
 
-def test_image_size_is_read_where_the_tables_lack_it(
-    index: SampleIndex, tiny_root: Path
-) -> None:
+def test_image_size_is_read_where_the_tables_lack_it(index: SampleIndex, tiny_root: Path) -> None:
     unsized = dataclasses.replace(index, image_hw=np.zeros_like(index.image_hw))
     assert_same(dataset(unsized, tiny_root)[5, 2], dataset(index, tiny_root)[5, 2])
 
@@ -251,7 +247,7 @@ def test_samples_without_any_camera_are_not_usable(small_root: Path) -> None:
     has_camera[6, 0] = False  # one of two is enough
     poorer = dataclasses.replace(index, has_camera=has_camera)
     rows = all_rows(index)
-    with pytest.raises(DataError, match="1 of 34 .*sample scene-0001-05 has no image"):
+    with pytest.raises(DataError, match=r"1 of 34 .*sample scene-0001-05 has no image"):
         usable_rows(poorer, small_root, rows, skip_missing=False)
     left = usable_rows(poorer, small_root, rows, skip_missing=True)
     assert len(left) == 2 * KEYFRAMES_A_SCENE - 1

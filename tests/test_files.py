@@ -15,20 +15,24 @@ def test_makes_folders_and_writes_bytes(tmp_path: Path) -> None:
     assert path.read_bytes() == b"whole"
 
 
+def _write_half(path: Path, error: BaseException) -> None:
+    with write_atomically(path) as stream:
+        stream.write(b"new")
+        raise error
+
+
 def test_error_leaves_the_old_file_and_no_scraps(tmp_path: Path) -> None:
     path = tmp_path / "file.bin"
     path.write_bytes(b"old")
-    with pytest.raises(RuntimeError, match="half way"), write_atomically(path) as stream:
-        stream.write(b"new")
-        raise RuntimeError("half way")
+    with pytest.raises(RuntimeError, match="half way"):
+        _write_half(path, RuntimeError("half way"))
     assert path.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [path]
 
 
 def test_interrupt_leaves_nothing(tmp_path: Path) -> None:
-    with pytest.raises(KeyboardInterrupt), write_atomically(tmp_path / "f") as stream:
-        stream.write(b"new")
-        raise KeyboardInterrupt
+    with pytest.raises(KeyboardInterrupt):
+        _write_half(tmp_path / "f", KeyboardInterrupt())
     assert list(tmp_path.iterdir()) == []
 
 

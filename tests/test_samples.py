@@ -111,9 +111,7 @@ def test_calibration_is_per_camera_and_scene_frames_compose(index: SampleIndex) 
 def test_cameras_come_in_the_order_asked_for(tiny_root: Path, index: SampleIndex) -> None:
     turned = load_index(tiny_root, VERSION, CAMERAS[::-1])
     np.testing.assert_array_equal(turned.image_path[:, ::-1], index.image_path)
-    np.testing.assert_array_equal(
-        turned.rawpixel_from_camera[:, ::-1], index.rawpixel_from_camera
-    )
+    np.testing.assert_array_equal(turned.rawpixel_from_camera[:, ::-1], index.rawpixel_from_camera)
 
 
 def test_row_of_unknown_token(index: SampleIndex) -> None:
@@ -158,9 +156,7 @@ def test_camera_absent_from_a_sample_is_masked(tiny_copy: Path, own_cache: Path)
     records = read_table(tiny_copy, "sample_data")
     gone = {"scene-0001-03", "scene-0003-05"}
     kept = [
-        r
-        for r in records
-        if not (r["sample_token"] in gone and f"/{CAMERAS[1]}/" in r["filename"])
+        r for r in records if not (r["sample_token"] in gone and f"/{CAMERAS[1]}/" in r["filename"])
     ]
     assert len(kept) == len(records) - 2
     write_table(tiny_copy, "sample_data", kept)
@@ -244,7 +240,7 @@ def test_cache_goes_to_the_users_cache_folder(
 
 
 def test_missing_root(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="'.*nowhere' is not a folder"):
+    with pytest.raises(DataError, match=r"'.*nowhere' is not a folder"):
         load_index(tmp_path / "nowhere", VERSION, CAMERAS)
 
 
@@ -278,9 +274,7 @@ def test_unknown_camera_names_those_there(tiny_copy: Path, own_cache: Path) -> N
         ("scene", "log_token"),
     ],
 )
-def test_dangling_token_is_named(
-    tiny_copy: Path, own_cache: Path, table: str, field: str
-) -> None:
+def test_dangling_token_is_named(tiny_copy: Path, own_cache: Path, table: str, field: str) -> None:
     records = read_table(tiny_copy, table)
     records[-1][field] = "dangling"
     write_table(tiny_copy, table, records)
@@ -299,7 +293,7 @@ def test_bad_numbers_are_refused(tiny_copy: Path, own_cache: Path) -> None:
     poses = read_table(tiny_copy, "ego_pose")
     poses[-1]["rotation"] = [0.0, 0.0, 0.0, 0.0]
     write_table(tiny_copy, "ego_pose", poses)
-    with pytest.raises(DataError, match="bad number.*quaternion"):
+    with pytest.raises(DataError, match=r"bad number.*quaternion"):
         load_index(tiny_copy, VERSION, CAMERAS[:2])
 
 

@@ -68,7 +68,9 @@ def test_coverage_is_the_plain_one() -> None:
     distances = []
     for future in futures:
         nearest = min(templates.points, key=lambda t: float(((t - future) ** 2).sum()))
-        distances.append(np.mean([np.hypot(*(p - q)) for p, q in zip(nearest, future, strict=True)]))
+        distances.append(
+            np.mean([np.hypot(*(p - q)) for p, q in zip(nearest, future, strict=True)])
+        )
     coverage = templates.coverage(futures)
     assert coverage.mean_m == pytest.approx(np.mean(distances))
     assert coverage.median_m == pytest.approx(np.median(distances))
@@ -227,9 +229,7 @@ def test_damaged_bytes_never_pass_for_templates(tmp_path: Path) -> None:
         {"card": np.asarray("no json")},
     ],
 )
-def test_files_of_other_contents_are_refused(
-    tmp_path: Path, change: dict[str, np.ndarray]
-) -> None:
+def test_files_of_other_contents_are_refused(tmp_path: Path, change: dict[str, np.ndarray]) -> None:
     good = {
         "templates": np.zeros((4, 20, 2), np.float32),
         "dt_s": np.float64(0.25),
@@ -252,9 +252,7 @@ def test_an_npy_file_is_refused(tmp_path: Path) -> None:
         TemplateSet.load(path)
 
 
-def test_a_failed_save_leaves_the_old_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_failed_save_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "t.npz"
     old = a_set()
     old.save(path)

@@ -85,7 +85,7 @@ def test_positions_are_linear_between_uneven_poses() -> None:
     times_s = np.array([0.0, 1.0, 4.0, 6.0])
     xy_m = np.array([[0.0, 0.0], [4.0, 0.0], [10.0, 0.0], [10.0, 0.0]])
     futures, _ = futures_from_poses(times_s, xy_m, np.zeros(4), np.array([0.5]))
-    # Start at x = 2; 0.75 s later t = 1.25 and x = 4.5; 3.5 s later t = 4 and x = 10; then standing.
+    # Start at x = 2; 0.75 s later t = 1.25, x = 4.5; 3.5 s later t = 4, x = 10; then standing.
     np.testing.assert_allclose(futures[0, [0, 1, 2, 13, 19], 0], [1.0, 2.0, 2.5, 8.0, 8.0])
 
 
@@ -99,7 +99,7 @@ def test_start_needs_a_whole_future_and_a_past() -> None:
 
 
 def test_jump_of_a_whole_turn_changes_nothing() -> None:
-    scene = TinyScene("arc", speed_mps=5.0, yaw_rate_radps=0.3, yaw_rad=2.0)
+    scene = TinyScene("arc", speed_mps=5.0, yaw_rate_radps=0.3, yaw_rad=2.8)
     times_s, xy_m, yaw = drive(scene, np.arange(0.0, 9.0, 0.2))
     wrapped = (yaw + np.pi) % (2.0 * np.pi) - np.pi
     assert np.abs(np.diff(wrapped)).max() > 6.0
@@ -213,9 +213,7 @@ def test_mined_futures_and_motion_are_the_arcs(index: SampleIndex, tiny_root: Pa
         np.testing.assert_allclose(
             futures.velocity_mps[own][1:, 0], scene.speed_mps, atol=0.02 * scene.speed_mps
         )
-        np.testing.assert_allclose(
-            futures.yaw_rate_radps[own][1:], scene.yaw_rate_radps, atol=1e-6
-        )
+        np.testing.assert_allclose(futures.yaw_rate_radps[own][1:], scene.yaw_rate_radps, atol=1e-6)
 
 
 def test_recent_motion_never_sees_the_future(tmp_path: Path) -> None:

@@ -50,7 +50,7 @@ class TinyScene:
 
 
 TRAIN_A = TinyScene("scene-0001")
-TRAIN_B = TinyScene("scene-0002", speed_mps=3.0, yaw_rate_radps=-0.2, yaw_rad=-2.0)
+TRAIN_B = TinyScene("scene-0002", speed_mps=3.0, yaw_rate_radps=-0.2, yaw_rad=-2.8)
 VAL = TinyScene("scene-0003", speed_mps=10.0, yaw_rate_radps=0.0, yaw_rad=2.5)
 # Rows of these scenes: 17 keyframes in 8 s, of which those at 0 s ... 3 s have a whole future.
 KEYFRAMES_A_SCENE = 17
@@ -137,7 +137,7 @@ def _quaternion_of_yaw(yaw_rad: float) -> list[float]:
 
 def _camera_quaternion(yaw_rad: float) -> list[float]:
     """Of `ego_from_camera` for a level camera whose z axis points along `yaw_rad`."""
-    # Looking forward: camera x = -ego y, y = -ego z, z = ego x is the quaternion (.5, -.5, .5, -.5).
+    # Forward: camera x = -ego y, y = -ego z, z = ego x is the quaternion (.5, -.5, .5, -.5).
     cos, sin = math.cos(yaw_rad / 2.0), math.sin(yaw_rad / 2.0)
     w, x, y, z = 0.5, -0.5, 0.5, -0.5
     return [cos * w - sin * z, cos * x - sin * y, cos * y + sin * x, cos * z + sin * w]

@@ -1,22 +1,26 @@
-"""What the tests of the commands share: a data set, templates and a trained run, made once a session.
+"""What the tests of the commands share: data, templates and a trained run, made once a session.
 
-The data set is hand-made like `tiny_tables`, but its cars change their speed, so that no two futures
-are alike and templates can be fitted to them.
+The data set is hand-made like `tiny_tables`, but its cars change their speed: no two futures are
+alike, and templates can be fitted to them.
 """
 
 import contextlib
 import io
-import json
 import logging
 import math
+import multiprocessing
+import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+import warnings
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from multiprocessing.process import BaseProcess
 from pathlib import Path
+from typing import Any
 
 import pytest
 from filelock import FileLock
-from tiny_tables import VERSION, TinyScene, write_tiny
+from tiny_tables import TinyScene, write_tiny
 
 from shoot.cli import evaluate, fit_templates, make_world, render, train
 
@@ -111,17 +115,65 @@ def command(name: str, *arguments: object) -> Said:
     out, err = io.StringIO(), io.StringIO()
     status = 0
     root_logger = logging.getLogger()
-    handlers = root_logger.handlers[:]
-    with pytest.MonkeyPatch.context() as patch:
+    before = root_logger.handlers[:], root_logger.level
+    with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
         patch.setattr(sys, "argv", [name, *map(str, arguments)])
-        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-            try:
+        patch.setenv("COLUMNS", "200")
+        root_logger.handlers.clear()  # so that the command sets up its own
+        try:
+            with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
                 COMMANDS[name]()
-            except SystemExit as ended:
-                status = ended.code if isinstance(ended.code, int) else 1
-            finally:
-                root_logger.handlers[:] = handlers
+        except SystemExit as ended:
+            status = ended.code if isinstance(ended.code, int) else 1
+        finally:
+            root_logger.handlers[:], root_logger.level = before
     return Said(status, out.getvalue(), err.getvalue())
+
+
+_SERVER = multiprocessing.get_context("forkserver")
+# One process imports everything once; each side process is a fork of it.
+_SERVER.set_forkserver_preload(["shoot.cli.train"])
+
+
+def start_beside(
+    function: Callable[..., object],
+    *arguments: Any,
+    log: Path,
+    environment: Mapping[str, str] | None = None,
+) -> BaseProcess:
+    """Call a function of a test module in another process, which may be killed.
+
+    Args:
+        function: What to call.
+        arguments: With what.
+        log: Where its output goes.
+        environment: What it finds in its environment beside what is in ours.
+    """
+    given = {**os.environ, "OMP_NUM_THREADS": "1", **(environment or {})}
+    process = _SERVER.Process(target=_beside, args=(function, arguments, log, given))
+    process.start()
+    return process
+
+
+def start_command(name: str, *arguments: object, log: Path) -> BaseProcess:
+    """Start a console command in another process."""
+    return start_beside(_main, name, [str(argument) for argument in arguments], log=log)
+
+
+def _beside(
+    function: Callable[..., object], arguments: Sequence[Any], log: Path, given: Mapping[str, str]
+) -> None:
+    os.environ.clear()
+    os.environ.update(given)
+    with log.open("ab") as stream:
+        os.dup2(stream.fileno(), 1)
+        os.dup2(stream.fileno(), 2)
+    function(*arguments)
+
+
+def _main(name: str, arguments: list[str]) -> None:
+    sys.argv = [name, *arguments]
+    COMMANDS[name]()
 
 
 def train_flags(root: Path, templates: Path, out: Path, steps: int, every: int) -> list[str]:
@@ -151,9 +203,7 @@ def make_tiny_run(folder: Path) -> TinyRun:
 
 
 @pytest.fixture(scope="session")
-def tiny_run(
-    tmp_path_factory: pytest.TempPathFactory, worker_id: str, _own_cache: None
-) -> TinyRun:
+def tiny_run(tmp_path_factory: pytest.TempPathFactory, worker_id: str, _own_cache: None) -> TinyRun:
     """A trained tiny run, shared by all workers of a session."""
     base = tmp_path_factory.getbasetemp()
     shared = (base if worker_id == "master" else base.parent) / "tiny-run"

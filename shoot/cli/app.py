@@ -1,10 +1,13 @@
 """What all commands share: parse, run, and say in one sentence what the user can mend."""
 
 import logging
+import os
 import sys
+import warnings
 from collections.abc import Callable
-from typing import TypeVar
+from typing import NoReturn, TypeVar
 
+import torch.distributed as dist
 import tyro
 from rich.logging import RichHandler
 
@@ -20,14 +23,31 @@ def run(
 ) -> None:
     """Parse the command line into `config_type` and call `function` with it.
 
-    A `DataError` becomes one sentence on standard error and exit status 2; so does a wrong flag.
+    A `DataError` becomes one sentence on standard error and exit status 2; so does a file that
+    cannot be written, and a wrong flag. Ctrl-C ends with status 130.
     """
     logging.basicConfig(
         level=logging.INFO, format="%(message)s", handlers=[RichHandler(show_path=False)]
     )
+    # What Lightning says of itself and of its own code is not for users of these commands.
+    logging.getLogger("pytorch_lightning").setLevel(logging.WARNING)
+    warnings.filterwarnings("ignore", module=r"pytorch_lightning\.")
     try:
         config = tyro.cli(config_type, description=description)
         function(config)
     except DataError as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(2)
+        _end(error.sentence)
+    except OSError as error:
+        if error.filename is None:
+            raise
+        _end(f"'{error.filename}': {error.strerror}.")
+    except KeyboardInterrupt:
+        print("Interrupted.", file=sys.stderr)
+        sys.exit(130)
+
+
+def _end(sentence: str) -> NoReturn:
+    """Say it, unless this is one of several processes that all have come to the same end."""
+    if dist.is_initialized() or os.environ.get("RANK", "0") == "0":
+        print(f"error: {sentence}", file=sys.stderr, flush=True)
+    sys.exit(2)

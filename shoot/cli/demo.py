@@ -25,7 +25,7 @@ from shoot.world.writer import VERSION, MakeWorldConfig, make_world
 
 @dataclass(frozen=True)
 class DemoConfig:
-    """Make a small city, fit templates, train, evaluate and draw; run again, it goes on where it was.
+    """Make a small city, fit templates, train, evaluate, draw; run again, it goes on.
 
     Attributes:
         out: Folder for everything.
@@ -103,7 +103,7 @@ def demo(config: DemoConfig) -> None:
 
 
 def _draw(trained: TrainedRun, out: Path) -> Path:
-    """Draw the turn by day, in full motion, whose NLL is the median: neither the best nor the worst."""
+    """Draw the turn by day whose NLL is the median: neither the best nor the worst."""
     split = load_split(trained.config.data, "val", trained.templates)
     chosen = _typical_turn(trained, split)
     return save_figure(render_sample(view_sample(trained, split, chosen)), out / "planned.png")

@@ -49,8 +49,8 @@ def evaluate(config: EvaluateConfig) -> Report:
         config.data.skip_missing,
     )
     report = compare(trained, config.split)
-    report.save(Path(config.out))
     print(format_table(report))
+    report.save(Path(config.out))
     print(f"Report: {config.out}")
     return report
 

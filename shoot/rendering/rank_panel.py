@@ -53,6 +53,6 @@ def describe_driven(ranking: Ranking) -> str | None:
     distance_m = ranking.driven_distance_m or 0.0
     kind = "Dashed bar" if ranking.driven_rank <= len(ranking.probabilities) else "Not among them"
     return (
-        f"{kind}: the template nearest\nto the driven path (rank {ranking.driven_rank},\n"
-        f"p = {100.0 * probability:.2g} %, {distance_m:.1f} m away on\naverage)"
+        f"{kind}: the template nearest to the driven path (rank\u00a0{ranking.driven_rank}, "
+        f"p\u00a0=\u00a0{100.0 * probability:.2g}\u00a0%, {distance_m:.1f}\u00a0m away on average)"
     )

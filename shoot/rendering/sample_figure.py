@@ -3,6 +3,7 @@
 Paper: figure 11 (ten best-ranked trajectories), with the camera images beside the map.
 """
 
+import textwrap
 from typing import Any
 
 from matplotlib.axes import Axes
@@ -33,6 +34,9 @@ EDGE_IN = 0.15
 GAP_IN = 0.06
 MAP_IN = 4.7
 CLOSE_IN = 2.3
+TITLE_PT = 13.0
+TITLE_LINE_IN = 0.26
+CAPTION_LINE_IN = 0.25
 
 
 class _Page:
@@ -57,6 +61,13 @@ class _Page:
         self.figure.text(
             left_in / self.width_in, 1.0 - top_in / self.height_in, text, va="top", **style
         )
+
+
+def wrap(text: str, width_in: float, size_pt: float, is_bold: bool = False) -> list[str]:
+    """Lines of a text that fit into a width, set in the figure's font at a size."""
+    # Width of letters as a share of the size: averages of DejaVu Sans in prose, and some to spare.
+    letter_pt = (0.68 if is_bold else 0.6) * size_pt
+    return textwrap.wrap(text, max(1, int(width_in * 72.0 / letter_pt)))
 
 
 def camera_places(names: tuple[str, ...]) -> tuple[list[tuple[int, int]], int, int]:
@@ -85,16 +96,17 @@ def render_sample(view: SampleView) -> Figure:
     image_height, image_width = view.images.shape[1:3]
     cell_width_in = (WIDTH_IN - 2 * EDGE_IN - (columns - 1) * GAP_IN) / columns
     cell_height_in = cell_width_in * image_height / image_width
-    head_in = 0.45 if view.title or view.caption else EDGE_IN
+    title = wrap(view.title, WIDTH_IN - 2 * EDGE_IN, TITLE_PT, is_bold=True)
+    title_in = TITLE_LINE_IN * len(title)
+    head_in = EDGE_IN + title_in + (CAPTION_LINE_IN if view.caption else 0.0)
     cameras_in = rows * (cell_height_in + GAP_IN)
     map_top_in = head_in + cameras_in + 0.12
     page = _Page(WIDTH_IN, map_top_in + MAP_IN + 0.88)
-    if view.title:
-        page.text(EDGE_IN, 0.12, view.title, fontsize=14, fontweight="bold", color=palette.INK)
+    bold = {"fontsize": TITLE_PT, "fontweight": "bold", "color": palette.INK}
+    for number, line in enumerate(title):
+        page.text(EDGE_IN, 0.12 + number * TITLE_LINE_IN, line, **bold)
     if view.caption:
-        page.text(
-            WIDTH_IN - EDGE_IN, 0.15, view.caption, fontsize=11, ha="right", color=palette.SOFT_INK
-        )
+        page.text(EDGE_IN, 0.13 + title_in, view.caption, fontsize=10, color=palette.SOFT_INK)
     for idx, (row, column) in enumerate(places):
         axes = page.axes(
             EDGE_IN + column * (cell_width_in + GAP_IN),
@@ -129,11 +141,13 @@ def render_sample(view: SampleView) -> Figure:
     if ranking is not None:
         bars_in = 0.29 * len(ranking.probabilities) + 0.1
         draw_ranks(page.axes(side_in, top_in + 0.46, side_width_in, bars_in), ranking)
-        top_in += bars_in + 0.6
+        top_in += bars_in + 0.52
         sentence = describe_driven(ranking)
         if sentence is not None:
-            page.text(side_in, top_in, sentence, fontsize=10, color=palette.INK, linespacing=1.4)
-            top_in += 0.95
+            lines = wrap(sentence, side_width_in, 10.0)
+            text = "\n".join(lines)
+            page.text(side_in, top_in, text, fontsize=10, color=palette.INK, linespacing=1.4)
+            top_in += 0.2 * len(lines) + 0.12
     if view.lidar_points_ego is not None:
         depth_width_in = min(side_width_in - 0.1, 3.5)
         _draw_depth_bar(page.axes(side_in, top_in + 0.02, depth_width_in, 0.14))

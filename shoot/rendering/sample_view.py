@@ -31,7 +31,7 @@ class SampleView:
         dt_s: Time between waypoints.
         num_best: How many of the most probable templates are drawn.
         title: Headline.
-        caption: Small print beside it: sample token, scene, weather.
+        caption: Small print below it: sample token, scene, weather.
 
     Raises:
         ValueError: If sizes do not belong together, or templates come without probabilities.

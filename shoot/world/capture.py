@@ -51,7 +51,7 @@ class SceneOrder:
 
 
 def keyframe_steps(num_steps: int, rng: np.random.Generator) -> list[int]:
-    """Lidar turns (1 to `num_steps`) that are keyframes: every 0.5 s on average, 0.40 to 0.60 s apart."""
+    """Lidar turns (1 to `num_steps`) that are keyframes: 0.40 to 0.60 s apart, 0.5 s on average."""
     steps = [1]
     while True:
         steps.append(steps[-1] + int(rng.choice([8, 9, 10, 11, 12], p=[0.05, 0.2, 0.5, 0.2, 0.05])))
@@ -196,7 +196,7 @@ def _annotate(
     time_s: float,
     origin_m: FloatArray,
 ) -> None:
-    """Note the boxes of all road users and parked cars that the lidar touched or the ego sees well."""
+    """Note the boxes of all road users and parked cars that the lidar touched or the ego sees."""
     town, recording = sensors.town, sensors.recording
     x, y, _ = ego_pose(recording, time_s)
     ego_m = np.array([x, y])

@@ -36,7 +36,8 @@ class Facades:
         key = (house.astype(np.int64) * 1299709 + side * 15485863) % 65536
         self._table = np.ascontiguousarray(
             np.stack([
-                tangent[:, 0] / step, tangent[:, 1] / step, start / step, 1 / step, 1 / _FLOOR_M[style],
+                tangent[:, 0] / step, tangent[:, 1] / step, start / step, 1 / step,
+                1 / _FLOOR_M[style],
                 _WIDE[style] / 2, _TALL[style] / 2, floors, key,
             ]).astype(np.float32)
         )  # fmt: skip

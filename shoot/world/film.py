@@ -1,4 +1,4 @@
-"""From linear light to the picture on disk: glow of lamps, drops on the lens, grain, display curve."""
+"""From linear light to a picture: glow of lamps, drops on the lens, display curve, grain."""
 
 import cv2
 import numpy as np
@@ -50,9 +50,9 @@ def _cut(grain: Float32Array, shape: tuple[int, ...], rng: np.random.Generator) 
     height, width = shape
     top, left = (int(value) for value in rng.integers(0, _TILE_PX, 2))
     if height + top <= _TILE_PX and width + left <= _TILE_PX:
-        return grain[top : top + height, left : left + width]
+        return np.asarray(grain[top : top + height, left : left + width])
     rows, columns = (np.arange(height) + top) % _TILE_PX, (np.arange(width) + left) % _TILE_PX
-    return grain[rows][:, columns]
+    return np.asarray(grain[rows][:, columns])
 
 
 def _wet_lens(shown: Float32Array, rng: np.random.Generator) -> None:

@@ -1,7 +1,7 @@
 """The painted ground: asphalt, lines, crossings, pavements and grass as one texture with mipmaps.
 
-Rays that meet z = 0 look their colour up here. The texture is kept in display units (square root of linear
-light), so that 8 bits suffice.
+Rays that meet z = 0 look their colour up here. The texture is kept in display units (square root of
+linear light), so that 8 bits suffice.
 """
 
 from collections.abc import Iterable, Iterator
@@ -23,7 +23,8 @@ MARGIN_M = 40.0
 _RED_BLUE, _LOW, _BYTE = np.uint32(0x00FF00FF), np.uint32(0xFF), np.uint32(8)
 _SUBPIXEL_BITS = 4
 _GRASS, _ASPHALT, _PARKING, _PAVEMENT, _KERB, _YARD = (
-    (92, 112, 68), (102, 103, 107), (114, 111, 109), (158, 154, 147), (184, 182, 176), (128, 124, 112),
+    (92, 112, 68), (102, 103, 107), (114, 111, 109), (158, 154, 147), (184, 182, 176),
+    (128, 124, 112),
 )  # fmt: skip
 _WHITE, _YELLOW = (232, 232, 226), (226, 176, 52)
 _DASH_M = {"lane": (3.0, 4.0), "centre": (2.5, 3.5)}
@@ -54,8 +55,8 @@ class Ground:
     ) -> Float32Array:
         """Mean linear colour under each pixel's footprint.
 
-        Seen at a flat angle a footprint is long: it is covered by `taps` texels along the view, each
-        from the level whose texel is as wide as a tap is long.
+        Seen at a flat angle a footprint is long: it is covered by `taps` texels along the view,
+        each from the level whose texel is as wide as a tap is long.
 
         Args:
             places_m: [2, P] centres of the footprints.
@@ -158,7 +159,7 @@ class _Canvas:
 
     def _fixed(self, points_m: FloatArray) -> NDArray[np.int32]:
         cells = (np.asarray(points_m)[:, :2] + MARGIN_M) / self.cell_m - 0.5
-        return np.round(cells * 2**_SUBPIXEL_BITS).astype(np.int32)
+        return np.asarray(np.round(cells * 2**_SUBPIXEL_BITS), np.int32)
 
     def fill(self, outlines_m: Iterable[FloatArray], colour: tuple[int, ...]) -> None:
         """Fill what lies inside an odd number of the outlines."""
@@ -324,7 +325,7 @@ def _shade(canvas: _Canvas, town: Town, light: Light) -> None:
     sun = light.sun_direction
     slide = -sun[:2] / max(float(sun[2]), 0.1)
     # Display units are the square root of light.
-    cast = int(round(255 * np.sqrt(light.shadow)))
+    cast = round(255 * light.shadow**0.5)
     if cast < 250:
         for house in town.buildings:
             base = np.asarray(house.outline_m)

@@ -12,7 +12,7 @@ from shoot.world.town import FloatArray, Town
 
 AMBER_S = 3.0
 ALL_RED_S = 1.5
-GREEN_S = (10.0, 13.0)
+GREEN_S = (8.0, 11.0)
 # The largest vehicle that drives here, about its rear axle, and air around it.
 SWEPT_FRONT_M, SWEPT_REAR_M, SWEPT_HALF_M = 4.9, 1.6, 1.35
 SIBLINGS_PART_M = 2.8

@@ -1,7 +1,8 @@
 """Towns as nuScenes map expansion layers (version 1.3) and as drivable-surface masks."""
 
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +19,9 @@ from shoot.world.town import FloatArray, Lane, Town
 
 MASK_CELL_M = 0.1
 _LAYERS = (
-    "polygon", "line", "node", "drivable_area", "road_segment", "road_block", "lane", "ped_crossing",
-    "walkway", "stop_line", "carpark_area", "road_divider", "lane_divider", "traffic_light",
-    "lane_connector",
+    "polygon", "line", "node", "drivable_area", "road_segment", "road_block", "lane",
+    "ped_crossing", "walkway", "stop_line", "carpark_area", "road_divider",
+    "lane_divider", "traffic_light", "lane_connector",
 )  # fmt: skip
 MapLayers = dict[str, Any]
 
@@ -39,7 +40,7 @@ class _Drawer:
     def __init__(self, name: str, origin_m: FloatArray) -> None:
         self.layers = empty_layers()
         self._name = name
-        self._origin_m = origin_m
+        self.origin_m = origin_m
         self._count = 0
 
     def token(self, kind: str, number: int | None = None) -> str:
@@ -54,11 +55,10 @@ class _Drawer:
         return str(row["token"])
 
     def _nodes(self, points_m: FloatArray) -> list[str]:
-        tokens = []
-        for point in np.asarray(points_m, float)[:, :2] + self._origin_m:
-            x, y = rounded(point, 3)
-            tokens.append(self.add("node", {"token": self.token("node"), "x": x, "y": y}))
-        return tokens
+        places = np.round(np.asarray(points_m, float)[:, :2] + self.origin_m, 3).tolist()
+        rows = [{"token": self.token("node"), "x": x, "y": y} for x, y in places]
+        self.layers["node"] += rows
+        return [row["token"] for row in rows]
 
     def polygon(self, area: shapely.Polygon) -> str:
         rings = [np.asarray(ring.coords)[:-1] for ring in (area.exterior, *area.interiors)]
@@ -80,7 +80,7 @@ class _Drawer:
 
 
 def town_layers(town: Town, name: str, origin_m: FloatArray) -> MapLayers:
-    """Map layers of a town whose origin lies at `origin_m` ([2], `global`); `name` makes its tokens."""
+    """Map layers of a town with origin at `origin_m` ([2], `global`); `name` makes its tokens."""
     draw = _Drawer(name, origin_m)
     area = draw.token("drivable_area", 0)
     roads = [draw.polygon(part) for part in polygons_of(shapely.simplify(town.road, 0.03))]
@@ -126,7 +126,7 @@ def town_layers(town: Town, name: str, origin_m: FloatArray) -> MapLayers:
     return draw.layers
 
 
-def _add_lines(draw: _Drawer, town: Town, segment_at: Any) -> None:
+def _add_lines(draw: _Drawer, town: Town, segment_at: Callable[[FloatArray], str]) -> None:
     for line in town.lines:
         points = np.asarray(line.points_m, float)
         if line.kind == "centre":
@@ -149,7 +149,7 @@ def _add_lights(draw: _Drawer, town: Town) -> None:
         head = lights.heads_m[0]
         ahead = np.array([np.cos(lights.facing_rad), np.sin(lights.facing_rad)])
         left = np.array([-ahead[1], ahead[0]])
-        x, y = rounded(head[:2] + draw._origin_m, 3)
+        x, y = rounded(head[:2] + draw.origin_m, 3)
         items = [
             {
                 "color": color,
@@ -174,7 +174,7 @@ def _offset(up_m: float) -> dict[str, float]:
     return {"tx": 0.0, "ty": 0.0, "tz": up_m, "rx": 0.0, "ry": 0.0, "rz": 0.0}
 
 
-def _add_lane(draw: _Drawer, lane: Lane, segment_at: Any) -> None:
+def _add_lane(draw: _Drawer, lane: Lane, segment_at: Callable[[FloatArray], str]) -> None:
     band = shapely.LineString(lane.centreline_m).buffer(lane.width_m / 2, cap_style="flat")
     band = max(polygons_of(shapely.simplify(band, 0.03)), key=lambda part: part.area)
     layer = "lane_connector" if lane.turn is not None else "lane"
@@ -197,7 +197,7 @@ def _add_lane(draw: _Drawer, lane: Lane, segment_at: Any) -> None:
             "road_segment_token": segment_at(lane.centreline_m[len(lane.centreline_m) // 2]),
         })  # fmt: skip
     draw.add(layer, row)
-    draw.layers["arcline_path_3"][lane_token] = arcline_path(lane.centreline_m + draw._origin_m)
+    draw.layers["arcline_path_3"][lane_token] = arcline_path(lane.centreline_m + draw.origin_m)
     links = draw.layers["connectivity"].setdefault(lane_token, {"incoming": [], "outgoing": []})
     for successor in lane.successors:
         next_token = draw.token("lane", successor)
@@ -239,7 +239,7 @@ def arcline_path(points_m: FloatArray) -> list[Row]:
     """A polyline as the devkit's arc-line path: straight pieces that stay within 5 cm of it."""
     line = np.asarray(shapely.LineString(points_m).simplify(0.05).coords)
     pieces = []
-    for start, end in zip(line[:-1], line[1:], strict=True):
+    for start, end in pairwise(line):
         step = end - start
         heading = float(np.arctan2(step[1], step[0]))
         pieces.append({
@@ -269,7 +269,7 @@ def canvas_of(location: Location, columns: int, rows: int) -> tuple[float, float
 
 
 def town_mask(town: Town) -> NDArray[np.uint8]:
-    """Where a town is road or pavement: 255, else 0; [S, S] for one tile, row 0 at its lower edge."""
+    """Where a town is road or pavement: 255, else 0; [S, S], one tile, row 0 at its lower edge."""
     side = round(TILE_M / MASK_CELL_M)
     mask = np.zeros((side, side), np.uint8)
     for surface in (town.pavement, town.road):
@@ -278,7 +278,7 @@ def town_mask(town: Town) -> NDArray[np.uint8]:
                 np.round(np.asarray(ring.coords) / MASK_CELL_M * 16 - 8).astype(np.int32)
                 for ring in (part.exterior, *part.interiors)
             ]
-            # All rings at once: inside then means inside an odd number of them, and holes stay free.
+            # All rings at once: inside then means in an odd number of them, and holes stay free.
             cv2.fillPoly(mask, rings, 255, cv2.LINE_8, 4)
     return mask
 
@@ -286,8 +286,8 @@ def town_mask(town: Town) -> NDArray[np.uint8]:
 def write_mask(path: Path, tiles: dict[tuple[int, int], Path], columns: int, rows: int) -> None:
     """Join the masks of towns (PNG files by (column, row)) into one PNG, north up.
 
-    The file is written band by band with two bits a pixel, which readers expand to 0 and 255: a map of a
-    hundred towns has a thousand million pixels and would not fit into memory.
+    The file is written band by band with two bits a pixel, which readers expand to 0 and 255: a map
+    of a hundred towns has a thousand million pixels and would not fit into memory.
     """
     side = round(TILE_M / MASK_CELL_M)
 

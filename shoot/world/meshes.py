@@ -15,7 +15,7 @@ NO_TAG = -1
 
 def linear_rgb(red: int, green: int, blue: int) -> Float32Array:
     """Turn a display colour (0 to 255) into linear light (0 to 1), for a display gamma of 2."""
-    return np.square(np.asarray([red, green, blue], np.float32) / 255.0)
+    return np.asarray(np.square([red, green, blue]) / 255.0**2, np.float32)
 
 
 @dataclass(frozen=True)
@@ -92,8 +92,10 @@ def join(meshes: Sequence[Mesh]) -> Mesh:
 
 _HEXAHEDRON = np.array(
     # bottom, top, then the four sides in the order of the corners 0-1, 1-2, 2-3, 3-0
-    [[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7]]
-    + [[0, 1, 5], [0, 5, 4], [1, 2, 6], [1, 6, 5], [2, 3, 7], [2, 7, 6], [3, 0, 4], [3, 4, 7]],
+    [
+        *([0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7]),
+        *([0, 1, 5], [0, 5, 4], [1, 2, 6], [1, 6, 5], [2, 3, 7], [2, 7, 6], [3, 0, 4], [3, 4, 7]),
+    ],
     np.int32,
 )
 
@@ -189,14 +191,18 @@ def tube(
 def _icosahedron() -> tuple[Float32Array, Int32Array]:
     golden = (1 + 5**0.5) / 2
     vertices = np.array(
-        [[-1, golden, 0], [1, golden, 0], [-1, -golden, 0], [1, -golden, 0]]
-        + [[0, -1, golden], [0, 1, golden], [0, -1, -golden], [0, 1, -golden]]
-        + [[golden, 0, -1], [golden, 0, 1], [-golden, 0, -1], [-golden, 0, 1]]
+        [
+            *([-1, golden, 0], [1, golden, 0], [-1, -golden, 0], [1, -golden, 0]),
+            *([0, -1, golden], [0, 1, golden], [0, -1, -golden], [0, 1, -golden]),
+            *([golden, 0, -1], [golden, 0, 1], [-golden, 0, -1], [-golden, 0, 1]),
+        ]
     )
     faces = np.array(
-        [[0, 11, 5], [0, 5, 1], [0, 1, 7], [0, 7, 10], [0, 10, 11], [1, 5, 9], [5, 11, 4]]
-        + [[11, 10, 2], [10, 7, 6], [7, 1, 8], [3, 9, 4], [3, 4, 2], [3, 2, 6], [3, 6, 8]]
-        + [[3, 8, 9], [4, 9, 5], [2, 4, 11], [6, 2, 10], [8, 6, 7], [9, 8, 1]],
+        [
+            *([0, 11, 5], [0, 5, 1], [0, 1, 7], [0, 7, 10], [0, 10, 11], [1, 5, 9], [5, 11, 4]),
+            *([11, 10, 2], [10, 7, 6], [7, 1, 8], [3, 9, 4], [3, 4, 2], [3, 2, 6], [3, 6, 8]),
+            *([3, 8, 9], [4, 9, 5], [2, 4, 11], [6, 2, 10], [8, 6, 7], [9, 8, 1]),
+        ],
         np.int32,
     )
     return np.asarray(vertices / np.linalg.norm(vertices[0]), np.float32), faces

@@ -1,7 +1,7 @@
 """What things look like: cars, trucks, people, trees, lights and houses as meshes.
 
-Movable things stand on z = 0 around the middle of their box, x forward; everything stays inside the box it
-is annotated with.
+Movable things stand on z = 0 around the middle of their box, x forward, and stay inside the box
+they are annotated with.
 """
 
 from functools import lru_cache
@@ -21,8 +21,9 @@ SIGNAL_LAMP_STEP_M = 0.46
 CAR_PAINT = tuple(
     linear_rgb(*rgb)
     for rgb in (
-        (222, 222, 218), (48, 50, 56), (150, 154, 160), (176, 32, 36), (36, 72, 140), (206, 206, 210),
-        (88, 92, 98), (34, 96, 82), (214, 168, 52), (120, 60, 44), (70, 130, 180), (236, 236, 236),
+        (222, 222, 218), (48, 50, 56), (150, 154, 160), (176, 32, 36), (36, 72, 140),
+        (206, 206, 210), (88, 92, 98), (34, 96, 82), (214, 168, 52),
+        (120, 60, 44), (70, 130, 180), (236, 236, 236),
     )
 )  # fmt: skip
 COATS = tuple(
@@ -42,15 +43,15 @@ SKIN = tuple(
 WALLS = tuple(
     linear_rgb(*rgb)
     for rgb in (
-        (188, 120, 92), (214, 200, 172), (158, 150, 142), (196, 172, 130), (172, 92, 76), (206, 206, 200),
-        (142, 128, 116), (220, 178, 140), (122, 134, 146), (180, 160, 150),
+        (188, 120, 92), (214, 200, 172), (158, 150, 142), (196, 172, 130), (172, 92, 76),
+        (206, 206, 200), (142, 128, 116), (220, 178, 140), (122, 134, 146), (180, 160, 150),
     )
 )  # fmt: skip
 _GLASS = linear_rgb(38, 46, 54)
 _RUBBER = linear_rgb(26, 26, 28)
 _STEEL = linear_rgb(92, 96, 98)
 _DARK = linear_rgb(30, 32, 32)
-_RED = linear_rgb(150, 16, 16)
+_RED = linear_rgb(112, 14, 16)
 _WHITE = linear_rgb(225, 225, 215)
 
 
@@ -102,13 +103,13 @@ def car(length: float, width: float, height: float, style: int) -> Mesh:
     )[shape]
     half, belt = width / 2, 0.60 * height
     low, end = 0.20 * height, length / 2
+    floor = (-end * 0.97, end * 0.97, half * 0.9)
+    bumpers = (-end + 0.01, end - 0.01, half * 0.99)
     parts = [
         # Sills and wheel arches in the dark under the body, then bumpers, then bonnet and boot.
-        meshes.hexahedron((-end * 0.97, end * 0.97, half * 0.9), (-end * 0.97, end * 0.97, half * 0.9),
-                          (0.12 * height, low), _DARK),
-        meshes.hexahedron((-end + 0.01, end - 0.01, half * 0.99), (-end + 0.01, end - 0.01, half * 0.99),
-                          (low, 0.44 * height), paint),
-        meshes.hexahedron((-end + 0.01, end - 0.01, half * 0.99),
+        meshes.hexahedron(floor, floor, (0.12 * height, low), _DARK),
+        meshes.hexahedron(bumpers, bumpers, (low, 0.44 * height), paint),
+        meshes.hexahedron(bumpers,
                           (-end * 0.97, end * 0.90, half * 0.93), (0.44 * height, belt), paint),
         meshes.hexahedron((rear * length, front * length, half * 0.92),
                           (roof_rear * length, roof_front * length, half * 0.76),
@@ -151,9 +152,9 @@ def truck(length: float, width: float, height: float, style: int) -> Mesh:
         style % 3
     ]
     half, end, cab = width / 2, length / 2, length / 2 - min(2.0, 0.28 * length)
+    frame = (-end + 0.01, end - 0.05, half * 0.8)
     parts = [
-        meshes.hexahedron((-end + 0.01, end - 0.05, half * 0.8), (-end + 0.01, end - 0.05, half * 0.8),
-                          (0.45, 0.95), _DARK),
+        meshes.hexahedron(frame, frame, (0.45, 0.95), _DARK),
         meshes.hexahedron((-end + 0.01, cab - 0.15, half), (-end + 0.01, cab - 0.15, half),
                           (0.95, height), cargo),
         meshes.hexahedron((cab, end - 0.01, half * 0.97), (cab, end - 0.01, half * 0.97),
@@ -192,7 +193,7 @@ def pedestrian(length: float, width: float, height: float, style: int, stride: i
     parts.append(
         meshes.hexahedron(
             (-waist, waist, half * 0.62), (-chest, chest, half * 0.78), (hip - 0.04, shoulder), coat
-        )  # fmt: skip
+        )
     )
     head_m = 0.078 * height
     parts.append(
@@ -247,7 +248,7 @@ def prop(thing: Prop, rng: np.random.Generator) -> Mesh:
     top = thing.height_m
     return meshes.join([
         meshes.tube((x, y, 0.0), (x, y, top - 0.15), (0.11, 0.07), _STEEL),
-        meshes.tube((x, y, top - 0.3), (x, y, top), (0.16, 0.34), _WHITE, material=LAMP, tag=STREET_LAMP),
+        meshes.tube((x, y, top - 0.3), (x, y, top), (0.16, 0.34), _WHITE, 6, LAMP, STREET_LAMP),
     ])  # fmt: skip
 
 

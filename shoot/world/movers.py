@@ -17,7 +17,7 @@ BRAKE_RGB = np.array([1.5, 0.05, 0.03], np.float32)
 _TAIL_RGB = np.array([0.22, 0.008, 0.006], np.float32)
 _HEAD_RGB = np.array([1.5, 1.45, 1.25], np.float32)
 _WALKING_MPS = 0.2
-# A shadow: the dark foot, then, a little lower, the foot again, the roof's shadow and what joins them.
+# A shadow: the dark foot; a little lower, the foot again, the roof's shadow, what joins them.
 _SHADOW_FACES = np.array(
     [[0, 1, 2], [0, 2, 3], [8, 9, 10], [8, 10, 11]]
     + [[4 + i, 4 + (i + 1) % 4, 8 + (i + 1) % 4] for i in range(4)]
@@ -144,7 +144,9 @@ class Movers:
                 np.concatenate([mesh.material, shadow.material]),
                 np.concatenate([mesh.tag, shadow.tag]),
             )
-            normals = np.concatenate([normals, np.zeros_like(darkness) + np.float32([0, 0, 1])])
+            normals = np.concatenate(
+                [normals, np.zeros_like(darkness) + np.array([0, 0, 1], np.float32)]
+            )
             lit_rgb, albedo = (
                 np.concatenate([lit_rgb, darkness]),
                 np.concatenate([albedo, darkness]),

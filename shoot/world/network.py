@@ -1,6 +1,6 @@
 """The plan of a town: which places are joined by roads of which kind, and how each road runs."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -44,6 +44,20 @@ class RoadKind:
 NARROW = RoadKind("narrow", 1, 3.0, 0.3, 6.5)
 NORMAL = RoadKind("normal", 1, 3.5, 0.5, 9.5)
 WIDE = RoadKind("wide", 2, 3.6, 0.5, 13.0)
+# Within a kind, too, one drives as fast as the road is wide: speed is to be read off the road, and
+# not only from which of three kinds it is.
+LANE_SPREAD_M = 0.3
+SPEED_PER_WIDTH_PER_S = 5.0
+
+
+def draw_road_kind(kind: RoadKind, rng: np.random.Generator) -> RoadKind:
+    """A road of this kind: lanes a little wider or narrower, and the speed that goes with them."""
+    extra_m = float(rng.uniform(-LANE_SPREAD_M, LANE_SPREAD_M))
+    return replace(
+        kind,
+        lane_m=kind.lane_m + extra_m,
+        limit_mps=kind.limit_mps + SPEED_PER_WIDTH_PER_S * extra_m,
+    )
 
 
 @dataclass(frozen=True)
@@ -128,13 +142,18 @@ def _try_plan(rng: np.random.Generator) -> Plan | None:
             if chain[0] < chain[-1]:
                 chains.append(chain)
     kinds = [
-        WIDE if (min(c[:2]), max(c[:2])) in wide else (NARROW if rng.random() < 0.2 else NORMAL)
+        draw_road_kind(
+            WIDE
+            if (min(c[:2]), max(c[:2])) in wide
+            else (NARROW if rng.random() < 0.2 else NORMAL),
+            rng,
+        )
         for c in chains
     ]
 
     outward: dict[tuple[int, bool], FloatArray] = {}
     for r, (chain, kind) in enumerate(zip(chains, kinds, strict=True)):
-        bend_rad = 0.0 if kind is WIDE or rng.random() < 0.35 else np.deg2rad(rng.uniform(5, 11))
+        bend_rad = 0.0 if kind.lanes > 1 or rng.random() < 0.35 else np.deg2rad(rng.uniform(5, 11))
         sides = rng.choice([-1, 1], size=2)
         for at_start, line in ((True, chain[:2]), (False, chain[:-3:-1])):
             direct = place[line[1]] - place[line[0]]
@@ -178,7 +197,7 @@ def _try_plan(rng: np.random.Generator) -> Plan | None:
             np.hypot(*forward.T) < 6.0
         ):
             return None
-        bends = rng.uniform(14.0, 32.0, size=len(inner)) + (8.0 if kind is WIDE else 0.0)
+        bends = rng.uniform(14.0, 32.0, size=len(inner)) + (8.0 if kind.lanes > 1 else 0.0)
         radii = np.concatenate([[90.0], bends, [90.0]])
         straight_m = STRAIGHT_APPROACH_M - 4.0
         keep_m = (trims[r, True] + straight_m, trims[r, False] + straight_m)

@@ -137,7 +137,7 @@ def quaternion_wxyz(rotation: FloatArray) -> list[float]:
 
 
 def make_rig(seed: int, image_scale: float, lidar_azimuths: int) -> Rig:
-    """Mount the sensors with small errors of their own: angles 0.5 deg, places 2 cm, focal lengths 1 %."""
+    """Mount the sensors with small errors: angles 0.5 deg, places 2 cm, focal lengths 1 %."""
     rng = np.random.default_rng([seed, 11])
     width, height = round(FULL_WIDTH_PX * image_scale), round(FULL_HEIGHT_PX * image_scale)
     scale_x, scale_y = width / FULL_WIDTH_PX, height / FULL_HEIGHT_PX
@@ -145,7 +145,7 @@ def make_rig(seed: int, image_scale: float, lidar_azimuths: int) -> Rig:
     for plan in CAMERA_PLANS:
         focal = plan.focal_px * (1 + 0.01 * rng.uniform(-1, 1))
         centre = np.array([808.0, 490.0]) + rng.uniform(-12, 12, 2)
-        # Pixel centres lie at whole numbers, so shrinking happens around the corner at (-0.5, -0.5).
+        # Pixel centres lie at whole numbers: images shrink about the corner at (-0.5, -0.5).
         pixel_from_camera = np.array([
             [focal * scale_x, 0.0, (centre[0] + 0.5) * scale_x - 0.5],
             [0.0, focal * scale_y, (centre[1] + 0.5) * scale_y - 0.5],

@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 
 from shoot.world.curves import arc_lengths, cut, parallel, point_at, resample, turn_between
-from shoot.world.network import WIDE, Arm, Plan, PlannedRoad, plan_town
+from shoot.world.network import Arm, Plan, PlannedRoad, plan_town
 from shoot.world.roadside import furnish, park_cars
 from shoot.world.town import (
     Crosswalk,
@@ -357,7 +357,7 @@ def _paint_along(draft: _Draft, road: _Road) -> None:
     for side in (-1.0, 1.0):
         edge_m = kind.lanes * kind.lane_m
         draft.lines.append(RoadLine(parallel(inner_m, side * edge_m), "edge"))
-        if kind is WIDE:
+        if kind.lanes > 1:
             draft.lines.append(RoadLine(parallel(inner_m, side * kind.lane_m), "lane"))
 
 

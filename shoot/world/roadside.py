@@ -180,7 +180,7 @@ def _plant(
         s_of = arc_lengths(middle_m)
         is_lined = rng.random() < 0.6
         spacing_m = rng.uniform(8.0, 14.0)
-        offset_m = kind.half_m + 0.7 + (2.2 if kind is NARROW else 0.0)
+        offset_m = kind.half_m + 0.7 + (2.2 if kind.name == NARROW.name else 0.0)
         for side in (-1.0, 1.0):
             for s_m in np.arange(6.0 if side < 0 else 18.0, length_m, 26.0):
                 i = int(np.argmin(np.abs(s_of - s_m)))

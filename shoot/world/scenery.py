@@ -1,10 +1,10 @@
-"""The town that stands still, ready for rays: meshes, their light, and the lamps of signals and streets."""
+"""The town that stands still, ready for rays: meshes, their light, lamps of signals and streets."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from embreex.rtcore import EmbreeDevice
 from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore import EmbreeDevice
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 

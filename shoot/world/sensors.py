@@ -201,7 +201,7 @@ class CitySensors:
     def _signal_state(self, time_s: float) -> NDArray[np.int64]:
         last = len(self.recording.signal_state) - 1
         step = min(max(round(time_s / self.recording.dt_s), 0), last)
-        return self.recording.signal_state[step]
+        return np.asarray(self.recording.signal_state[step])
 
     def _in_sight(self, moment: Moment, view: _View) -> tuple[Moment, Int32Array]:
         """Agents that may be in the picture, and the pixels they and their shadows may cover."""

@@ -67,7 +67,7 @@ def fixed_tables(channels: tuple[str, ...]) -> dict[str, list[Row]]:
 
 
 def visibility_token(share: float) -> str:
-    """nuScenes' four classes of how much of an object is visible (0 to 1)."""
+    """Token of nuScenes' four classes of how much of an object is visible (0 to 1)."""
     return "1" if share < 0.4 else "2" if share < 0.6 else "3" if share < 0.8 else "4"
 
 

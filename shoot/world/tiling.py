@@ -59,7 +59,8 @@ class Tile:
 def tile_of(split: Split, town_index: int) -> Tile:
     """Place a town so that it depends on nothing but its split and number.
 
-    Towns go round the four maps; on each, training fills three columns from below, validation the fourth.
+    Towns go round the four maps; on each, training fills three columns from below, validation the
+    fourth.
     """
     turn, location = divmod(town_index, len(LOCATIONS))
     if split == "val":

@@ -27,6 +27,8 @@ LINE_ROOM_M = 0.3
 CROSSWALK_ROOM_M = 1.0
 CROSSWALK_DEPTH_M = 3.0
 MIN_EMPTY_M = 2.5
+# Who found no gap for a left turn in about one cycle of the lights goes first in the next.
+PATIENCE_S = 25.0
 
 StateArray = NDArray[np.int64]
 
@@ -149,7 +151,7 @@ class Traffic:
                     car.granted = -1
 
     def _grant(self, time_s: float, states: StateArray) -> None:
-        asking: list[tuple[bool, float, int, int, float]] = []
+        asking: list[tuple[bool, float, int, int]] = []
         for i, car in enumerate(self.cars):
             place, room_m = self._gate(car)
             if car.granted >= place:
@@ -159,8 +161,9 @@ class Traffic:
                 continue
             car.asked_s = min(car.asked_s, time_s)
             path = self._town.lanes[car.route.lanes[place]]
-            asking.append((path.turn == "left", car.asked_s, i, place, room_m))
-        for is_left, _, i, place, _ in sorted(asking):
+            yields = path.turn == "left" and time_s - car.asked_s < PATIENCE_S
+            asking.append((yields, car.asked_s, i, place))
+        for yields, _, i, place in sorted(asking):
             car = self.cars[i]
             lane = self._town.lanes[car.route.lanes[place - 1]]
             path = self._town.lanes[car.route.lanes[place]]
@@ -172,7 +175,7 @@ class Traffic:
                 continue
             if not self._has_room_behind(car, place, holds):
                 continue
-            if is_left and lane.signal is not None and self._has_oncoming(car, conflicts, states):
+            if yields and lane.signal is not None and self._has_oncoming(car, conflicts, states):
                 continue
             holds.append((car, place))
             car.granted = place

@@ -16,7 +16,9 @@ PAVEMENT_EDGE_M = 0.35
 STEPPING_M = 1.4
 # Past a lane's middle by half a car and some air, one is out of its way.
 CLEAR_OF_LANE_M = 1.7
-CROSSINGS_MIDWAY, CROSSINGS_UNSIGNALLED, CROSSINGS_PER_RED = 1.7, 0.9, 0.5
+CROSSINGS_MIDWAY, CROSSINGS_UNSIGNALLED, CROSSINGS_PER_RED = 1.7, 0.9, 0.45
+# Only so long after a road's lights turn red may one set out to cross it.
+WALK_S = 6.0
 
 
 @dataclass(eq=False)
@@ -120,7 +122,7 @@ def _send_across(
         ends.append([corner, good[0] if good else corner + out * 0.3])
     path = np.stack([ends[0][1], ends[0][0], near + aside, far + aside, ends[1][0], ends[1][1]])
     lengths_m = arc_lengths(path)
-    pace_mps = float(rng.uniform(1.25, 1.75))
+    pace_mps = float(rng.uniform(1.3, 1.85))
     return Walker(
         path_m=path,
         start_s=arrival_s - (lengths_m[2] - KERB_ROOM_M) / pace_mps,
@@ -206,10 +208,14 @@ class Pavements:
             dt_s: Length of the step.
             is_safe: Per crosswalk with cars near whether all of them will stop.
         """
-        states, wait_s = self._plan.states(time_s), self._plan.until_green_s(time_s)
+        states = self._plan.states(time_s)
+        red_s = self._plan.cycle_s() - self._plan.green_s - AMBER_S
+        into_red_s = red_s - self._plan.until_green_s(time_s)
         for c in self._by_crosswalk:
             light = self._signal_of.get(c)
-            self._may_walk[c] = light is None or bool(states[light] == RED and wait_s[light] > 4.0)
+            self._may_walk[c] = light is None or bool(
+                states[light] == RED and into_red_s[light] < WALK_S
+            )
         for walker in self.walkers:
             walker.trace_m.append(walker.at_m)
             walker.is_walking = False

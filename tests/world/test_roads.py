@@ -5,6 +5,7 @@ import pytest
 import shapely
 
 from shoot.world.curves import arc_lengths, cut, parallel, round_corners, turn_between
+from shoot.world.network import NARROW, NORMAL, SPEED_PER_WIDTH_PER_S, WIDE
 from shoot.world.roads import make_town
 from shoot.world.town import Town
 
@@ -205,8 +206,11 @@ def test_the_look_of_a_road_tells_its_speed(towns: list[Town]) -> None:
         for lane in town.lanes:
             if lane.turn is None:
                 by_width.setdefault(lane.width_m, set()).add(lane.limit_mps)
-    assert sorted(by_width) == [3.0, 3.5, 3.6]
-    assert [by_width[w] for w in sorted(by_width)] == [{6.5}, {9.5}, {13.0}]
+    kinds = (NARROW, NORMAL, WIDE)
+    for width_m, limits_mps in by_width.items():
+        (limit_mps,) = limits_mps  # no two roads as wide as each other allow different speeds
+        expected = [k.limit_mps + SPEED_PER_WIDTH_PER_S * (width_m - k.lane_m) for k in kinds]
+        assert min(abs(limit_mps - e) for e in expected) < 1e-9
     for town in towns:
         lines = shapely.union_all(
             [shapely.LineString(li.points_m) for li in town.lines if li.kind == "centre"]
@@ -215,7 +219,9 @@ def test_the_look_of_a_road_tells_its_speed(towns: list[Town]) -> None:
             if lane.turn is None:
                 middle = shapely.Point(lane.centreline_m[len(lane.centreline_m) // 2])
                 has_centre = shapely.distance(lines, middle) < 1.6 * lane.width_m
-                assert has_centre == (lane.width_m > 3.2)
+                extra_m = lane.width_m - NARROW.lane_m
+                narrow_mps = NARROW.limit_mps + SPEED_PER_WIDTH_PER_S * extra_m
+                assert has_centre == (abs(lane.limit_mps - narrow_mps) > 1e-9)
 
 
 def test_crosswalks_are_where_the_lanes_say(towns: list[Town]) -> None:

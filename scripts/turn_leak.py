@@ -1,0 +1,63 @@
+"""Does a trained planner know where the ego will turn? Report and figure for docs/results.md.
+
+    python scripts/turn_leak.py RUN --split val --out leak.json --figure leak.png
+
+The towns and their traffic are made again from the seed in the data set's world.json, also with the
+ego on each other way it could have taken, to know from when on its way could show at all. That
+takes several seconds a scene.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from shoot.cli.app import run
+from shoot.datamodule import load_split
+from shoot.intersections import find_questions
+from shoot.prediction import open_run, predict
+from shoot.rendering import save_figure
+from shoot.turn_leak import LeakReport, answer, format_leak, render_leak, report
+
+
+@dataclass(frozen=True)
+class TurnLeakConfig:
+    """Ask a planner before each intersection which way the ego will go.
+
+    Attributes:
+        run: Run folder of a planner trained on a synthetic world.
+        split: Scenes to ask about.
+        checkpoint: `last`, or `best` by validation top-10.
+        out: Report to write, JSON.
+        figure: Picture to write.
+        root: Data root, if not the run's own.
+        workers: Processes that make traffic again.
+    """
+
+    run: Annotated[str, tyro.conf.Positional]
+    split: str = "val"
+    checkpoint: str = "last"
+    out: str = "leak.json"
+    figure: str = "leak.png"
+    root: str | None = None
+    workers: int = 2
+
+
+def turn_leak(config: TurnLeakConfig) -> LeakReport:
+    """Ask, print the table and save report and picture."""
+    trained = open_run(config.run, config.checkpoint, config.root)
+    split = load_split(trained.config.data, config.split, trained.templates)
+    questions = find_questions(split, Path(trained.config.data.root), config.workers)
+    log_probs = predict(trained, split)
+    answers = answer(questions, log_probs, trained.templates.points, split.futures.xy_m)
+    leak = report(answers, Path(config.run).name, config.split)
+    leak.save(Path(config.out))
+    save_figure(render_leak(leak), config.figure)
+    print(format_leak(leak))
+    print(f"Report: {config.out}  Picture: {config.figure}")
+    return leak
+
+
+if __name__ == "__main__":
+    run(TurnLeakConfig, turn_leak, "Does a planner know where the ego will turn?")

@@ -1,0 +1,55 @@
+"""What training adds to Lightning's loop: a plain progress bar, and one end for all processes."""
+
+import logging
+import subprocess
+
+import pytorch_lightning as pl
+from pytorch_lightning.callbacks import Callback, RichProgressBar
+from pytorch_lightning.strategies.launchers import _SubprocessScriptLauncher
+
+from lss_core.errors import DataError
+
+logger = logging.getLogger(__name__)
+
+_SAID = 2  # exit status of a process that has said what is wrong
+
+
+class RoundProgress(RichProgressBar):
+    """Steps of the round, and the loss."""
+
+    def get_metrics(
+        self, trainer: pl.Trainer, pl_module: pl.LightningModule
+    ) -> dict[str, int | str | float | dict[str, float]]:
+        """All but Lightning's number of the run."""
+        items = super().get_metrics(trainer, pl_module)
+        items.pop("v_num", None)
+        return items
+
+
+class EndTogether(Callback):
+    """When one of several processes cannot go on, it says why, and the others end in silence.
+
+    Lightning leaves them waiting for each other, or each with a traceback of a broken connection.
+    """
+
+    def on_exception(
+        self, trainer: pl.Trainer, pl_module: pl.LightningModule, exception: BaseException
+    ) -> None:
+        """End the processes this one has started, or find that one of them has ended the run."""
+        if isinstance(exception, KeyboardInterrupt):
+            logger.warning("Interrupted; --resume goes on after the last validation.")
+        launcher = trainer.strategy.launcher
+        started = launcher.procs if isinstance(launcher, _SubprocessScriptLauncher) else []
+        if isinstance(exception, DataError):
+            for process in started:
+                process.kill()
+        elif any(_ended_with(process) == _SAID for process in started):
+            raise SystemExit(_SAID) from exception
+
+
+def _ended_with(process: "subprocess.Popen[bytes]") -> int | None:
+    """Exit status; a process that has lost its connections needs a moment to end."""
+    try:
+        return process.wait(timeout=3.0)
+    except subprocess.TimeoutExpired:
+        return None
