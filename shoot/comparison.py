@@ -1,5 +1,7 @@
 """The trained planner beside its baselines on one split, from checkpoint to report."""
 
+from typing import Any
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -34,7 +36,7 @@ def compare(run: TrainedRun, split: str, show_progress: bool = True) -> Report:
     """
     samples = load_split(run.config.data, split, run.templates)
     known = _training_labels(run)
-    log_probs = {"model": predict(run, samples, show_progress)}
+    log_probs: dict[str, NDArray[Any]] = {"model": predict(run, samples, show_progress)}
     log_probs |= baseline_log_probs(known, samples, run.templates, run.module.planner)
     descriptions = samples.index.scene_description[samples.futures.scene]
     return evaluate(

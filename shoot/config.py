@@ -143,7 +143,7 @@ _CPU_MODEL = ModelConfig(
     stem_channels=24,
     decoder_channels=48,
     depth=DepthBins(min_m=4.0, max_m=46.0, step_m=2.0),
-    grid=BevGrid(x_min_m=-10.0, x_max_m=70.0, y_min_m=-40.0, y_max_m=40.0, cell_m=1.0),
+    grid=BevGrid(x_min_m=-10.0, x_max_m=70.0, y_min_m=-32.0, y_max_m=32.0, cell_m=1.0),
 )
 
 PAPER = TrainConfig(templates="templates.npz", out="runs/paper")
@@ -163,9 +163,9 @@ SMALL = TrainConfig(
 DEMO = replace(
     SMALL,
     out="runs/demo",
-    optim=replace(SMALL.optim, steps=700, warmup_steps=50),
-    val_every=175,
-    val_samples=200,
+    optim=replace(SMALL.optim, steps=500, warmup_steps=50),
+    val_every=125,
+    val_samples=120,
 )
 
 PRESETS: dict[str, tuple[str, TrainConfig]] = {

@@ -1,6 +1,6 @@
 """Samples with what the driver did next: Batch, future and template label, and their loaders."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -140,6 +140,16 @@ class StepSampler(Sampler[tuple[int, int]]):
     The stream passes over all samples in a new order each time. What step s of the run reads
     follows from the seed and s alone: a resumed run, and any number of processes that share the
     global batch, read the same as an undisturbed one.
+
+    Args:
+        num_samples: Samples to draw from.
+        steps: Steps of a round; one iteration reads them.
+        global_batch: Samples a step, over all processes.
+        seed: Of the order.
+        rank: Which process this is.
+        world_size: Number of processes.
+        steps_done: Tells at which step of the run an iteration begins. (Lightning's number of the
+            epoch does not: it is one too many after a run is resumed.)
     """
 
     def __init__(
@@ -150,6 +160,7 @@ class StepSampler(Sampler[tuple[int, int]]):
         seed: int,
         rank: int = 0,
         world_size: int = 1,
+        steps_done: Callable[[], int] = lambda: 0,
     ) -> None:
         self.num_samples = num_samples
         self.steps = steps
@@ -157,17 +168,13 @@ class StepSampler(Sampler[tuple[int, int]]):
         self.seed = seed
         self.rank = rank
         self.world_size = world_size
-        self.round = 0
-
-    def set_epoch(self, epoch: int) -> None:
-        """Lightning says which round comes next."""
-        self.round = epoch
+        self.steps_done = steps_done
 
     def __len__(self) -> int:
         return self.steps * self.global_batch // self.world_size
 
     def __iter__(self) -> Iterator[tuple[int, int]]:
-        first = self.round * self.steps * self.global_batch
+        first = self.steps_done() * self.global_batch
         order, order_of = np.zeros(0, dtype=np.int64), -1
         for draw in range(
             first + self.rank, first + self.steps * self.global_batch, self.world_size
@@ -236,6 +243,7 @@ class PlanningData(pl.LightningDataModule):
             config.seed,
             rank,
             world,
+            lambda: self.trainer.global_step if self.trainer else 0,
         )
         return self._loader(self.train_split, sampler, config.optim.batch_size // world)
 

@@ -15,7 +15,20 @@ _SAID = 2  # exit status of a process that has said what is wrong
 
 
 class RoundProgress(RichProgressBar):
-    """Steps of the round, and the loss."""
+    """Which round, its steps, and the loss.
+
+    Args:
+        steps: Steps of the run.
+        round_steps: Steps of a round.
+    """
+
+    def __init__(self, steps: int, round_steps: int) -> None:
+        super().__init__(refresh_rate=5)
+        self.num_rounds = -(-steps // round_steps)
+        self.round_steps = round_steps
+
+    def _get_train_description(self, current_epoch: int) -> str:
+        return f"Round {self.trainer.global_step // self.round_steps + 1} of {self.num_rounds}"
 
     def get_metrics(
         self, trainer: pl.Trainer, pl_module: pl.LightningModule

@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from pytorch_lightning.loggers.logger import Logger
-from pytorch_lightning.utilities.rank_zero import rank_zero_only
+from pytorch_lightning.utilities import rank_zero_only
 
 from lss_core.files import write_atomically
 
 _STEP = "step"
+_EPOCH = "epoch"  # Lightning's count of rounds is one too many after a resumption
 
 
 class MetricsFile(Logger):
@@ -57,7 +58,7 @@ class MetricsFile(Logger):
             step: Index of the optimiser step, counted from 0; never less than before.
         """
         step = int(step or 0)
-        new = {name: f"{float(value):.9g}" for name, value in metrics.items()}
+        new = {name: f"{float(value):.9g}" for name, value in metrics.items() if name != _EPOCH}
         if self._step is None:
             before = read_metrics(self.path) if self.resume else {}
             self._rewrite({old: row for old, row in before.items() if old < step}, new)

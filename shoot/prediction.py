@@ -78,7 +78,7 @@ def open_run(
         module.load_state_dict(state["state_dict"])
     except (RuntimeError, KeyError) as error:
         raise DataError(
-            f"The weights in '{run.folder}' do not fit its config.yaml: {str(error)[:200]}"
+            f"The weights in '{run.folder}' do not fit its config.yaml: {str(error)[:200]}..."
         ) from error
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     return TrainedRun(config, template_set, module.eval().to(device))
@@ -119,7 +119,7 @@ def predict(
             disable=not show_progress,
         )
     ]
-    log_prob = np.concatenate(parts)
+    log_prob: NDArray[np.float32] = np.concatenate(parts)
     if not np.isfinite(log_prob).all():
         raise DataError(
             "The planner gives no finite scores: its training has diverged; train it with a lower "

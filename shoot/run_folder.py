@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from pytorch_lightning.utilities.rank_zero import rank_zero_only
+from pytorch_lightning.utilities import rank_zero_only
 
 from lss_core.errors import DataError
 from lss_core.files import write_atomically
@@ -122,7 +122,11 @@ class RunFolder:
         try:
             loaded: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
         except Exception as error:
-            raise DataError(f"'{path}' is not a readable checkpoint: {error}") from error
+            # torch's own words tell how to trust the file all the same.
+            raise DataError(
+                f"'{path}' is damaged or holds other things than weights ({type(error).__name__}); "
+                "train again, or restore it."
+            ) from error
         return loaded
 
     def _check_same(self, config: TrainConfig) -> None:

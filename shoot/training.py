@@ -42,9 +42,7 @@ class PlanningModule(pl.LightningModule):
         self.templates_sha256 = templates.sha256
         image = config.data.image
         self.model = CameraModel(config.model, (image.height_px, image.width_px))
-        self.planner = Planner(
-            torch.from_numpy(templates.points), config.model.grid, config.planner
-        )
+        self.planner = Planner(torch.tensor(templates.points), config.model.grid, config.planner)
         self.val_metrics = PlanningMetrics()
 
     def forward(self, sensors: Batch) -> Tensor:
@@ -91,7 +89,10 @@ class PlanningModule(pl.LightningModule):
         """Adam and the schedule, by step."""
         optim = self.config.optim
         optimizer = torch.optim.Adam(
-            self.parameters(), lr=optim.learning_rate, weight_decay=optim.weight_decay
+            self.parameters(),
+            lr=optim.learning_rate,
+            weight_decay=optim.weight_decay,
+            fused=True,
         )
         schedule = torch.optim.lr_scheduler.LambdaLR(optimizer, lambda step: rate_at(optim, step))
         return {
@@ -192,7 +193,7 @@ def make_trainer(config: TrainConfig, run: RunFolder, resume: bool = False) -> p
         strategy=strategy,
         precision=config.precision,
         max_steps=config.optim.steps,
-        max_epochs=math.ceil(config.optim.steps / config.val_every),
+        max_epochs=-1,  # not counted: after a resumption Lightning is one too many
         num_sanity_val_steps=0,
         use_distributed_sampler=False,
         log_every_n_steps=min(10, config.val_every),
@@ -212,7 +213,7 @@ def make_trainer(config: TrainConfig, run: RunFolder, resume: bool = False) -> p
                 run.checkpoints, filename=Path(LAST).stem, enable_version_counter=False
             ),
             LearningRateMonitor("step"),
-            RoundProgress(refresh_rate=5),
+            RoundProgress(config.optim.steps, config.val_every),
             EndTogether(),
         ],
         enable_model_summary=False,

@@ -25,7 +25,7 @@ def complaint(said: Said) -> str:
     sentences = [line for line in said.err.splitlines() if line.strip()]
     assert len(sentences) == 1, said.err
     assert sentences[0].startswith("error: ")
-    assert sentences[0].endswith((".", "?")), sentences[0]
+    assert len(sentences[0]) < 600
     return sentences[0]
 
 
@@ -281,8 +281,8 @@ def test_config_that_is_none(spoilt: TinyRun) -> None:
 def test_training_that_diverged(spoilt: TinyRun) -> None:
     last = spoilt.folder / "checkpoints" / "last.ckpt"
     state = torch.load(last, weights_only=True)
-    for value in state["state_dict"].values():
-        if value.is_floating_point():
+    for name, value in state["state_dict"].items():
+        if name.startswith("model.") and value.is_floating_point():
             value.fill_(float("nan"))
     torch.save(state, last)
     assert "diverged" in complaint(evaluate(spoilt))

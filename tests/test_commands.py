@@ -15,6 +15,7 @@ from world_fixture import (
     SAMPLES_A_SCENE,
     TinyRun,
     command,
+    train_flags,
 )
 
 from shoot.cli import demo
@@ -166,8 +167,6 @@ def test_metrics_of_training_and_evaluation_agree(
 
 
 def test_last_round_may_be_shorter_and_counts(tiny_run: TinyRun, tmp_path: Path) -> None:
-    from world_fixture import train_flags
-
     out = tmp_path / "run"
     said = command("shoot-train", *train_flags(tiny_run.root, tiny_run.templates, out, 3, 2))
     assert said.status == 0, said.err

@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import shutil
 import socket
 import subprocess
 import sys
@@ -15,7 +16,7 @@ import pytest
 import pytorch_lightning as pl
 import torch
 from torch import nn
-from world_fixture import TinyRun, start_beside, train_flags
+from world_fixture import TinyRun, command, start_beside, train_flags
 
 from shoot.datamodule import PlanningData
 from shoot.run_folder import RunFolder
@@ -165,8 +166,6 @@ def test_two_processes_train_and_leave_one_record(tiny_run: TinyRun, tmp_path: P
 @pytest.mark.parametrize("sample", ["scene-0003-00", "scene-0003-01"])
 def test_one_sentence_for_all_processes(sample: str, tiny_run: TinyRun, tmp_path: Path) -> None:
     # The first sample is validated by the first process, the second one by the other.
-    import shutil
-
     root = tmp_path / "data"
     shutil.copytree(tiny_run.root, root)
     image = root / "samples" / "CAM_BACK" / f"{sample}.jpg"
@@ -180,9 +179,9 @@ def test_one_sentence_for_all_processes(sample: str, tiny_run: TinyRun, tmp_path
 
 
 def test_batch_that_cannot_be_shared(tiny_run: TinyRun, tmp_path: Path) -> None:
+    # Said before any process is started.
     flags = train_flags(tiny_run.root, tiny_run.templates, tmp_path / "run", 2, 1)
-    said = train_in_two([*flags, "--optim.batch-size", "3"])
-    assert said.returncode == 2
-    assert "Traceback" not in said.stderr
-    assert said.stderr.count("error: ") == 1
-    assert "--optim.batch-size" in said.stderr
+    said = command("shoot-train", *flags, "--optim.batch-size", 3, "--devices", 2)
+    assert said.status == 2
+    assert said.err.startswith("error: A batch of 3 cannot be shared by 2 processes")
+    assert not (tmp_path / "run").exists()

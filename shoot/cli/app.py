@@ -49,5 +49,5 @@ def run(
 def _end(sentence: str) -> NoReturn:
     """Say it, unless this is one of several processes that all have come to the same end."""
     if dist.is_initialized() or os.environ.get("RANK", "0") == "0":
-        print(f"error: {sentence}", file=sys.stderr, flush=True)
+        print(f"error: {' '.join(sentence.split())}", file=sys.stderr, flush=True)
     sys.exit(2)

@@ -7,6 +7,7 @@ from typing import Literal
 import cv2
 import numpy as np
 
+from shoot.world.ground import Paint
 from shoot.world.rig import make_rig
 from shoot.world.scenario import describe, make_look, make_scenario
 from shoot.world.scenery import ego_pose
@@ -32,6 +33,7 @@ class SceneOrder:
         town_index: Which town of the split.
         seed: Of the whole data set.
         duration_s: Length of the scene.
+        keyframe_s: Time between keyframes, on average.
         image_scale: Share of 1600 x 900.
         lidar_azimuths: Lidar firings a turn.
         sweeps: Which sweeps get files.
@@ -44,17 +46,23 @@ class SceneOrder:
     town_index: int
     seed: int
     duration_s: float
+    keyframe_s: float
     image_scale: float
     lidar_azimuths: int
     sweeps: Literal["keyframes", "all"]
     tile: Tile
 
 
-def keyframe_steps(num_steps: int, rng: np.random.Generator) -> list[int]:
-    """Lidar turns (1 to `num_steps`) that are keyframes: 0.40 to 0.60 s apart, 0.5 s on average."""
+def keyframe_steps(num_steps: int, rng: np.random.Generator, keyframe_s: float = 0.5) -> list[int]:
+    """Lidar turns (1 to `num_steps`) that are keyframes.
+
+    They are `keyframe_s` apart on average and, as in nuScenes, up to 0.1 s more or less.
+    """
+    apart = round(keyframe_s / LIDAR_PERIOD_S)
     steps = [1]
     while True:
-        steps.append(steps[-1] + int(rng.choice([8, 9, 10, 11, 12], p=[0.05, 0.2, 0.5, 0.2, 0.05])))
+        late = int(rng.choice([-2, -1, 0, 1, 2], p=[0.05, 0.2, 0.5, 0.2, 0.05]))
+        steps.append(steps[-1] + apart + late)
         if steps[-1] > num_steps:
             return steps[:-1]
 
@@ -64,19 +72,20 @@ def texel_m(image_scale: float) -> float:
     return 0.1 if image_scale >= 0.2 else 0.16
 
 
-def capture_scene(order: SceneOrder, town: Town, root: Path) -> dict[str, list[Row]]:
+def capture_scene(order: SceneOrder, town: Town, paint: Paint, root: Path) -> dict[str, list[Row]]:
     """Write the files of one scene and return its rows by table.
 
     Args:
         order: What to write.
         town: Its town.
+        paint: The town's ground, at `texel_m` of the images' scale.
         root: Folder of the data set.
     """
     scene_seed = seed_of(order.seed, order.split, "scene", order.index)
     recording = make_scenario(town, scene_seed, order.duration_s)
     look = make_look(scene_seed)
     rig = make_rig(scene_seed, order.image_scale, order.lidar_azimuths)
-    sensors = CitySensors(town, recording, look, rig, scene_seed, texel_m(order.image_scale))
+    sensors = CitySensors(town, recording, look, rig, scene_seed, paint)
     rng = np.random.default_rng([scene_seed, 21])
     name, seed = order.name, order.seed
     origin_m = order.tile.origin_m
@@ -114,7 +123,7 @@ def capture_scene(order: SceneOrder, town: Town, root: Path) -> dict[str, list[R
         return row
 
     num_steps = round(order.duration_s / LIDAR_PERIOD_S)
-    keyframes = keyframe_steps(num_steps, rng)
+    keyframes = keyframe_steps(num_steps, rng, order.keyframe_s)
     for step in keyframes:
         time_us = round(step * LIDAR_PERIOD_S * 1e6)
         samples.append({

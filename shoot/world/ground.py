@@ -189,6 +189,24 @@ def polygons_of(area: shapely.Geometry) -> Iterator[shapely.Polygon]:
 
 def paint_ground(town: Town, light: Light, cell_m: float = 0.1) -> Ground:
     """Paint a town's ground under a given light and prepare its mipmaps."""
+    return light_ground(paint_unlit(town, cell_m), town, light)
+
+
+@dataclass(frozen=True)
+class Paint:
+    """A town's ground without any light on it: the same for all its scenes.
+
+    Attributes:
+        image: [S, S, 4] display colours.
+        cell_m: Side of a texel.
+    """
+
+    image: ImageArray
+    cell_m: float
+
+
+def paint_unlit(town: Town, cell_m: float) -> Paint:
+    """Paint grass, yards, pavements, asphalt and lines."""
     canvas = _Canvas(town.size_m, cell_m, 4, (*_GRASS, 0))
     for house in town.buildings:
         yard = shapely.Polygon(house.outline_m).buffer(3.0, join_style="mitre")
@@ -201,9 +219,15 @@ def paint_ground(town: Town, light: Light, cell_m: float = 0.1) -> Ground:
     canvas.fill_area(town.parking, (*_PARKING, 0))
     _paint_marks(canvas, town)
     _roughen(canvas.image, town.seed)
-    _shade(canvas, town, light)
-    texels, starts, heights, widths = _mipmaps(canvas.image)
-    side_m = canvas.image.shape[0] * cell_m
+    return Paint(canvas.image, cell_m)
+
+
+def light_ground(paint: Paint, town: Town, light: Light) -> Ground:
+    """Lay shadows on the paint and prepare its mipmaps; the paint stays as it is."""
+    lit = paint.image.copy()
+    _shade(lit, paint.cell_m, town, light)
+    texels, starts, heights, widths = _mipmaps(lit)
+    side_m = lit.shape[0] * paint.cell_m
     origin_m = np.array([-MARGIN_M, -MARGIN_M])
     return Ground(
         texels,
@@ -211,7 +235,7 @@ def paint_ground(town: Town, light: Light, cell_m: float = 0.1) -> Ground:
         heights,
         widths,
         origin_m,
-        cell_m,
+        paint.cell_m,
         _lamp_glow(town, side_m, light.street_lamps),
     )
 
@@ -319,9 +343,9 @@ def _roughen(image: ImageArray, seed: int) -> None:
             change(band, smooth[top : top + 512], dst=band)
 
 
-def _shade(canvas: _Canvas, town: Town, light: Light) -> None:
-    """Darken what houses, trees and parked cars keep the sun from."""
-    shadows = _Canvas(town.size_m, 2 * canvas.cell_m, 1, (255,))
+def _shade(image: ImageArray, cell_m: float, town: Town, light: Light) -> None:
+    """Darken what houses, trees and parked cars keep the sun from, in place."""
+    shadows = _Canvas(town.size_m, 2 * cell_m, 1, (255,))
     sun = light.sun_direction
     slide = -sun[:2] / max(float(sun[2]), 0.1)
     # Display units are the square root of light.
@@ -343,12 +367,12 @@ def _shade(canvas: _Canvas, town: Town, light: Light) -> None:
         base = footprint(parked.xy_m, parked.yaw_rad, parked.size_m + 0.2)
         shadows.fill([base], (min(cast, 130),))
     soft = cv2.GaussianBlur(shadows.image, (5, 5), 1.2)
-    side = canvas.image.shape[0]
+    side = image.shape[0]
     full = cv2.resize(soft, (side, side), interpolation=cv2.INTER_LINEAR)
     # Work in bands: a temporary of the whole ground would be twice its size.
     for top in range(0, side, 512):
-        band = canvas.image[top : top + 512]
-        canvas.image[top : top + 512] = cv2.multiply(
+        band = image[top : top + 512]
+        image[top : top + 512] = cv2.multiply(
             band, cv2.merge([full[top : top + 512]] * 4), scale=1 / 255
         )
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from shoot.world import film
 from shoot.world.casting import SIGHT_M, Hits, cast, objects_met, trace
 from shoot.world.facades import Facades
-from shoot.world.ground import ImageArray, paint_ground
+from shoot.world.ground import ImageArray, Paint, light_ground
 from shoot.world.light import Light, light_of
 from shoot.world.meshes import FACADE, GLASS, Float32Array, Int32Array
 from shoot.world.movers import Moment, Movers
@@ -76,7 +76,7 @@ class CitySensors:
         look: Light and weather.
         rig: The car's sensors.
         seed: Of the noise; images and sweeps depend on it and their time only.
-        texel_m: Finest resolution of the painted ground.
+        paint: The town's painted ground.
     """
 
     def __init__(
@@ -86,14 +86,14 @@ class CitySensors:
         look: Look,
         rig: Rig,
         seed: int,
-        texel_m: float = 0.1,
+        paint: Paint,
     ) -> None:
         self.town = town
         self.recording = recording
         self.rig = rig
         self.light: Light = light_of(look)
         self._seed = seed
-        self._ground = paint_ground(town, self.light, texel_m)
+        self._ground = light_ground(paint, town, self.light)
         self.movers = Movers(recording)
         self._scenery = Scenery(town, self.light)
         self._standing: Solid = self._scenery.solid

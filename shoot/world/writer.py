@@ -23,7 +23,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from lss_core.data.splits import official_scenes
 from lss_core.errors import DataError
-from shoot.world.capture import LIDAR, SceneOrder, capture_scene
+from shoot.world.capture import LIDAR, SceneOrder, capture_scene, texel_m
+from shoot.world.ground import paint_unlit
 from shoot.world.maps import canvas_of, merge_layers, town_layers, town_mask, write_mask
 from shoot.world.rig import CAMERA_PLANS
 from shoot.world.roads import make_town
@@ -52,6 +53,7 @@ class MakeWorldConfig:
         workers: Processes; changes nothing but the time it takes.
         scenes_per_town: Training scenes that share a town.
         duration_s: Length of a scene.
+        keyframe_s: Time between keyframes, on average (nuScenes: 0.5 s).
         lidar_azimuths: Lidar firings a turn (32 beams each); 0 takes fewer for smaller images.
     """
 
@@ -64,6 +66,7 @@ class MakeWorldConfig:
     workers: int = 2
     scenes_per_town: int = 1
     duration_s: float = 20.0
+    keyframe_s: float = 0.5
     lidar_azimuths: int = 0
 
     def __post_init__(self) -> None:
@@ -75,6 +78,7 @@ class MakeWorldConfig:
             "workers": (1, 1024),
             "scenes_per_town": (1, 700),
             "duration_s": (0.5, 60.0),
+            "keyframe_s": (0.2, 5.0),
             "lidar_azimuths": (0, 4096),
         }
         for name, (low, high) in limits.items():
@@ -182,8 +186,9 @@ def _town_orders(config: MakeWorldConfig) -> Iterator[_TownOrder]:
             tile = tile_of(split, town)
             scenes = tuple(
                 SceneOrder(
-                    names[index], split, index, town, config.seed, config.duration_s,
-                    config.image_scale, config.azimuths(), config.sweeps, tile,
+                    names[index], split, index, town, config.seed,
+                    config.duration_s, config.keyframe_s, config.image_scale,
+                    config.azimuths(), config.sweeps, tile,
                 )
                 for index in range(first, min(first + per_town, num_scenes))
             )  # fmt: skip
@@ -232,10 +237,11 @@ def _make_town(order: _TownOrder, root: Path) -> int:
     if town.size_m > TILE_M:
         raise AssertionError(f"a town of {town.size_m} m does not fit its tile of {TILE_M} m")
     _write_town(order, town, parts)
+    paint = paint_unlit(town, texel_m(order.scenes[0].image_scale))
     for scene in order.scenes:
         part = parts / f"{scene.name}.json"
         if not part.exists():
-            _write_json(part, capture_scene(scene, town, root))
+            _write_json(part, capture_scene(scene, town, paint, root))
     return len(order.scenes)
 
 

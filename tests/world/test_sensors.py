@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from shoot.world.casting import cast
-from shoot.world.ground import crosswalk_stripes, paint_ground
+from shoot.world.ground import crosswalk_stripes, paint_ground, paint_unlit
 from shoot.world.light import light_of
 from shoot.world.meshes import ball, box, join, tube
 from shoot.world.movers import Movers
@@ -86,7 +86,7 @@ def recording(
 
 
 def sensors(town: Town, tracks: Recording, look: Look = DAY, scale: float = 0.25) -> CitySensors:
-    return CitySensors(town, tracks, look, make_rig(5, scale, 256), 7, texel_m=0.2)
+    return CitySensors(town, tracks, look, make_rig(5, scale, 256), 7, paint_unlit(town, 0.2))
 
 
 def camera(city: CitySensors, channel: str = "CAM_FRONT") -> Camera:
@@ -197,8 +197,10 @@ def test_nothing_of_the_speed_or_route_enters_an_image():
 def test_pictures_depend_on_seed_and_time_only():
     town, tracks = street(), recording()
     rig = make_rig(5, 0.1, 64)
-    first, again = (CitySensors(town, tracks, DAY, rig, 7, 0.2) for _ in range(2))
-    other = CitySensors(town, tracks, DAY, rig, 8, 0.2)
+    first, again = (
+        CitySensors(town, tracks, DAY, rig, 7, paint_unlit(town, 0.2)) for _ in range(2)
+    )
+    other = CitySensors(town, tracks, DAY, rig, 8, paint_unlit(town, 0.2))
     a, b, c = (city.image(rig.cameras[0], 1.0) for city in (first, again, other))
     assert np.array_equal(a, b)
     assert not np.array_equal(a, c)
