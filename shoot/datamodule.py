@@ -254,6 +254,11 @@ class PlanningData(pl.LightningDataModule):
         wanted = min(config.val_samples or num, num)
         positions = np.linspace(0, num - 1, wanted).round().astype(np.int64)
         rank, world = self._share()
+        if wanted < world:
+            raise DataError(
+                f"{wanted} validation samples cannot be shared by {world} processes; validate on "
+                "more (--val-samples) or use fewer processes."
+            )
         sampler = ShareSampler(positions, rank, world)
         return self._loader(self.val_split, sampler, max(1, config.optim.batch_size // world))
 

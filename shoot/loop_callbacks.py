@@ -1,4 +1,4 @@
-"""What training adds to Lightning's loop: a plain progress bar, and one end for all processes."""
+"""What training adds to Lightning's loop: plain progress, true steps, one end for all processes."""
 
 import logging
 import subprocess
@@ -37,6 +37,16 @@ class RoundProgress(RichProgressBar):
         items = super().get_metrics(trainer, pl_module)
         items.pop("v_num", None)
         return items
+
+
+class TrueStep(Callback):
+    """Logs under the step of the run; after a resumption Lightning counts one too many."""
+
+    def on_train_batch_start(
+        self, trainer: pl.Trainer, pl_module: pl.LightningModule, batch: object, batch_idx: int
+    ) -> None:
+        """Set the number that loggers are given."""
+        trainer.fit_loop.epoch_loop._batches_that_stepped = trainer.global_step
 
 
 class EndTogether(Callback):

@@ -20,7 +20,7 @@ from lss_core.errors import DataError
 from lss_core.model import CameraModel
 from shoot.config import OptimConfig, TrainConfig
 from shoot.datamodule import PlanBatch, PlanningData, check_shares
-from shoot.loop_callbacks import EndTogether, RoundProgress
+from shoot.loop_callbacks import EndTogether, RoundProgress, TrueStep
 from shoot.metrics import PlanningMetrics
 from shoot.metrics_file import MetricsFile
 from shoot.planner import Planner
@@ -202,6 +202,7 @@ def make_trainer(config: TrainConfig, run: RunFolder, resume: bool = False) -> p
             TensorBoardLogger(run.folder, name="", version="tensorboard"),
         ],
         callbacks=[
+            TrueStep(),  # before those that log
             ModelCheckpoint(
                 run.checkpoints,
                 filename="best",

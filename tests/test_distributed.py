@@ -55,7 +55,7 @@ def step_once(run_folder: Path, out: Path) -> None:
     run = RunFolder(run_folder)
     config, templates = run.config(), run.templates()
     optim = replace(config.optim, steps=1, batch_size=4)
-    config = replace(config, optim=optim, val_every=1, val_samples=1)
+    config = replace(config, optim=optim, val_every=1, val_samples=3)
     pl.seed_everything(3, verbose=False)
     module = FrozenStatistics(config, templates)
     trainer = make_trainer(config, RunFolder(out))
