@@ -3,7 +3,8 @@
 The hidden route must not be visible. What a planner believes is the mass of its templates that
 lead through the intersection on each way the ego's lane allows. Ways differ in how many templates
 lead there and how many seconds it takes, so a belief is compared with what the same planner
-believes on average at other places where the same directions are open, at about the same distance.
+believes on average where the same directions are open, at about the same distance. Each approach
+counts once, however many samples were taken on it.
 """
 
 import io
@@ -29,7 +30,10 @@ Stage = Literal["hidden", "others", "ego"]
 
 # A template takes a way if it ends near it and clearly nearer to it than to any other.
 NEAR_WAY_M, PARTED_M = 4.0, 2.5
-REFERENCE_BIN_M = 10.0
+# Places whose distance to their intersection differs by less than about this are alike.
+ALIKE_M = 8.0
+# A share below this is no stronger belief.
+LEAST_SHARE = 1e-3
 FIGURE_BIN_M, FIGURE_REACH_M = 7.5, 45.0
 
 
@@ -145,20 +149,34 @@ def answer(
 def _beyond_reference(
     questions: Sequence[Question], log_shares: Sequence[Array]
 ) -> tuple[Array, ...]:
-    """Log shares less their median over questions of the same kind; knows no way taken."""
-    groups: dict[tuple[object, ...], list[int]] = {}
+    """Log shares less their mean over places alike; the mean knows of no way taken."""
+    # Ways come in any order; the reference is per direction.
     orders = [np.argsort(np.array(q.directions), kind="stable") for q in questions]
-    for i, q in enumerate(questions):
-        kind = (tuple(sorted(q.directions)), int(q.distance_m // REFERENCE_BIN_M))
-        groups.setdefault(kind, []).append(i)
+    weights = approach_weights(questions)
+    kinds: dict[tuple[str, ...], list[int]] = {}
+    for i, question in enumerate(questions):
+        kinds.setdefault(tuple(sorted(question.directions)), []).append(i)
     beliefs: list[Array] = [np.zeros(0)] * len(questions)
-    for members in groups.values():
-        # Ways come in any order; the reference is per direction.
+    for members in kinds.values():
         table = np.stack([log_shares[i][orders[i]] for i in members])
-        beyond = table - np.median(table, axis=0)
+        table = np.maximum(table, np.log(LEAST_SHARE))
+        distance_m = np.array([questions[i].distance_m for i in members])
+        gap = (distance_m[:, None] - distance_m) / ALIKE_M
+        # The floor lets places of another distance decide where there is no other one.
+        alike = (np.exp(-0.5 * gap**2) + 1e-3) * weights[members]
+        beyond = table - (alike @ table) / alike.sum(axis=1, keepdims=True)
         for i, row in zip(members, beyond, strict=True):
             beliefs[i] = row[np.argsort(orders[i])]
     return tuple(beliefs)
+
+
+def approach_weights(questions: Sequence[Question]) -> Float[Array, " Q"]:
+    """One over the number of questions on the same approach."""
+    keys = [(q.scene, q.approach) for q in questions]
+    counts: dict[tuple[str, int], int] = {}
+    for key in keys:
+        counts[key] = counts.get(key, 0) + 1
+    return np.array([1.0 / counts[key] for key in keys])
 
 
 @dataclass(frozen=True)
@@ -170,7 +188,7 @@ class Score:
         chance: What guessing blindly reaches.
         majority: What always naming the most frequent answer reaches, chosen in hindsight (so it
             exceeds chance even if there is nothing to know); 50 for areas.
-        count: Samples.
+        count: Approaches.
     """
 
     value: float
@@ -288,7 +306,7 @@ def _group(name: str, answers: Answers, rows: list[int]) -> Group:
     return Group(
         name,
         len(asked),
-        len({(q.scene, q.approach) for q in asked}),
+        _num_approaches(asked),
         len({q.scene for q in asked}),
         way_score(answers, rows),
         left_right_score(answers, rows),
@@ -303,15 +321,14 @@ def way_score(answers: Answers, rows: Sequence[int]) -> Score:
         answers: Of one planner.
         rows: Which of them.
     """
-    hits, chance, kinds, taken = [], [], [], []
+    hits, chance, kinds = [], [], []
     for i in rows:
         question, belief = answers.questions[i], answers.beliefs[i]
         best = np.flatnonzero(belief >= belief.max() - 1e-12)
         hits.append(float(question.taken in best) / len(best))
         chance.append(1.0 / len(belief))
         kinds.append("/".join(sorted(question.directions)))
-        taken.append(question.directions[question.taken])
-    return _accuracy(hits, chance, kinds, taken, _scenes(answers, rows))
+    return _accuracy(hits, chance, kinds, [answers.questions[i] for i in rows])
 
 
 def left_right_score(answers: Answers, rows: Sequence[int]) -> Score:
@@ -321,7 +338,7 @@ def left_right_score(answers: Answers, rows: Sequence[int]) -> Score:
         answers: Of one planner.
         rows: Which of them.
     """
-    hits, chance, kinds, taken, kept = [], [], [], [], []
+    hits, kept = [], []
     for i in rows:
         question, belief = answers.questions[i], answers.beliefs[i]
         direction = question.directions[question.taken]
@@ -333,11 +350,8 @@ def left_right_score(answers: Answers, rows: Sequence[int]) -> Score:
         )
         lead = (left - right) * (1.0 if direction == "left" else -1.0)
         hits.append(0.5 if abs(lead) <= 1e-12 else float(lead > 0.0))
-        chance.append(0.5)
-        kinds.append("")
-        taken.append(direction)
-        kept.append(i)
-    return _accuracy(hits, chance, kinds, taken, _scenes(answers, kept))
+        kept.append(question)
+    return _accuracy(hits, [0.5] * len(hits), [""] * len(hits), kept)
 
 
 def turn_straight_score(answers: Answers, rows: Sequence[int]) -> Score:
@@ -359,11 +373,17 @@ def turn_straight_score(answers: Answers, rows: Sequence[int]) -> Score:
         scores.append(float(belief[~is_straight].max() - belief[is_straight].max()))
         is_turn.append(not bool(is_straight[question.taken]))
         kinds.append("/".join(sorted(question.directions)))
-        kept.append(i)
+        kept.append(question)
     area = auc(
-        np.array(scores), np.array(is_turn, dtype=bool), np.array(kinds), _scenes(answers, kept)
+        np.array(scores),
+        np.array(is_turn, dtype=bool),
+        np.array(kinds),
+        np.array([q.scene for q in kept]),
+        approach_weights(kept),
     )
-    return Score(100.0 * area.value, 100.0 * area.low, 100.0 * area.high, 50.0, 50.0, len(kept))
+    return Score(
+        100.0 * area.value, 100.0 * area.low, 100.0 * area.high, 50.0, 50.0, _num_approaches(kept)
+    )
 
 
 def auc(
@@ -371,6 +391,7 @@ def auc(
     is_positive: Bool[Array, " Q"],
     stratum: Shaped[Array, " Q"],
     scene: Shaped[Array, " Q"],
+    weights: Float[Array, " Q"],
 ) -> Interval:
     """Share of pairs from one stratum in which the positive scores higher, ties by halves.
 
@@ -379,13 +400,14 @@ def auc(
         is_positive: What they should tell.
         stratum: Only samples of equal strata are compared.
         scene: Unit of the bootstrap.
+        weights: How much each sample counts; a pair counts the product.
 
     Returns:
         With its 95 % interval over draws of scenes; all NaN if there is no pair, bounds NaN if
         there is one scene only.
     """
     high, low = np.flatnonzero(is_positive), np.flatnonzero(~is_positive)
-    same = stratum[high][:, None] == stratum[low]
+    same = (stratum[high][:, None] == stratum[low]) * weights[high][:, None] * weights[low]
     if not same.any():
         return Interval(float("nan"), float("nan"), float("nan"))
     lead = scores[high][:, None] - scores[low]
@@ -403,34 +425,39 @@ def auc(
     return Interval(value, float(bounds[0]), float(bounds[1]))
 
 
-def _scenes(answers: Answers, rows: Sequence[int]) -> Array:
-    return np.array([answers.questions[i].scene for i in rows])
+def _num_approaches(questions: Sequence[Question]) -> int:
+    return len({(q.scene, q.approach) for q in questions})
 
 
 def _accuracy(
     hits: Sequence[float],
     chance: Sequence[float],
     kinds: Sequence[str],
-    taken: Sequence[str],
-    scene: Array,
+    questions: Sequence[Question],
 ) -> Score:
-    """Per cent; the majority is counted within each kind of question."""
+    """Per cent of approaches; the majority is counted within each kind of question."""
     if not hits:
         nan = float("nan")
         return Score(nan, nan, nan, nan, nan, 0)
+    keys = [(q.scene, q.approach) for q in questions]
+    first = {key: i for i, key in reversed(list(enumerate(keys)))}
+    sums = dict.fromkeys(first, 0.0)
+    for key, hit, weight in zip(keys, hits, approach_weights(questions), strict=True):
+        sums[key] += hit * float(weight)
     counts: dict[str, dict[str, int]] = {}
-    for kind, direction in zip(kinds, taken, strict=True):
-        of_kind = counts.setdefault(kind, {})
+    for i in first.values():
+        of_kind = counts.setdefault(kinds[i], {})
+        direction = questions[i].directions[questions[i].taken]
         of_kind[direction] = of_kind.get(direction, 0) + 1
-    majority = sum(max(of_kind.values()) for of_kind in counts.values()) / len(hits)
-    bounds = interval(np.array(hits), scene)
+    majority = sum(max(of_kind.values()) for of_kind in counts.values()) / len(first)
+    bounds = interval(np.array(list(sums.values())), np.array([scene for scene, _ in sums]))
     return Score(
         100.0 * bounds.value,
         100.0 * bounds.low,
         100.0 * bounds.high,
-        100.0 * float(np.mean(chance)),
+        100.0 * float(np.mean([chance[i] for i in first.values()])),
         100.0 * majority,
-        len(hits),
+        len(first),
     )
 
 
@@ -438,15 +465,19 @@ def format_leak(leak: LeakReport) -> str:
     """The groups as a table."""
     out = io.StringIO()
     out.write(
-        f"{'':42} {'samples':>7} {'scenes':>6}  {'way taken, %':>20} {'chance':>6}"
+        f"{'':42} {'samples':>7} {'approaches':>10}  {'way taken, %':>20} {'chance':>6}"
         f"  {'left or right, %':>20}  {'turns, AUC':>20}\n"
     )
     for group in leak.groups:
         out.write(
-            f"{group.name:42} {group.num_samples:7d} {group.num_scenes:6d}  {_text(group.way):>20} "
+            f"{group.name:42} {group.num_samples:7d} {group.num_approaches:10d}  {_text(group.way):>20} "
             f"{group.way.chance:6.1f}  {_text(group.left_right):>20}  "
             f"{_text(group.turn_straight):>20}\n"
         )
+    out.write(
+        f"Accuracies are per approach. Left out, since a way has no template that leads through: "
+        f"{leak.num_unanswerable} samples.\n"
+    )
     return out.getvalue()
 
 
@@ -476,7 +507,7 @@ def render_leak(leak: LeakReport) -> Figure:
     )  # fmt: skip
     figure.text(
         0.012, 0.02,
-        "Bands: 95 % over scenes. Small numbers: samples. Nothing in the images may tell the way "
+        "Bands: 95 % over scenes. Small numbers: approaches. Nothing in the images may tell the way "
         "before the ego brakes or waits for it.",
         fontsize=9, color=palette.SOFT_INK,
     )  # fmt: skip

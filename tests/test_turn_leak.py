@@ -1,5 +1,6 @@
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -57,7 +58,7 @@ def _question(
     return Question(
         position=position,
         scene=f"scene-{position // 4}",
-        approach=0,
+        approach=position % 4,
         directions=directions,
         ways_m=tuple(_way(d, distance_m) for d in directions),
         taken=directions.index(taken),
@@ -188,6 +189,22 @@ def test_knowledge_shows_through_a_preference_for_straight() -> None:
     assert turn_straight_score(answers, rows).value > 90.0
 
 
+def test_an_approach_counts_once_however_long_it_takes() -> None:
+    # On one approach a wrong belief in 20 samples; on seven others a right one in one sample each.
+    taken: tuple[Direction, ...] = ("right", "left", "left", "left", *(["straight"] * 4))
+    questions = [replace(_question(i, way), scene=f"scene-{i}") for i, way in enumerate(taken)]
+    questions += [replace(questions[0], position=8 + i) for i in range(19)]
+    beliefs = [
+        np.where(np.arange(3) == (0 if q.scene == "scene-0" else q.taken), 0.8, 0.1)
+        for q in questions
+    ]
+    answers = _answers(questions, beliefs)
+    score = way_score(answers, range(len(questions)))
+    assert score.count == 8
+    assert score.value == pytest.approx(100 * 7 / 8)
+    assert score.majority == pytest.approx(100 * 4 / 8)
+
+
 def test_the_order_of_ways_does_not_matter() -> None:
     questions = _questions(60)
     rng = np.random.default_rng(5)
@@ -219,9 +236,9 @@ def test_auc_compares_pairs_within_a_stratum_only() -> None:
     stratum = np.array(["a", "a", "b", "b", "b"])
     scene = np.arange(5)
     # Pairs: 3 > 1, 2 > 0 and the tie 2 = 2.
-    assert auc(scores, turns, stratum, scene).value == pytest.approx(2.5 / 3)
-    assert auc(-scores, turns, stratum, scene).value == pytest.approx(0.5 / 3)
-    assert math.isnan(auc(scores, turns, np.arange(5), scene).value)
+    assert auc(scores, turns, stratum, scene, np.ones(5)).value == pytest.approx(2.5 / 3)
+    assert auc(-scores, turns, stratum, scene, np.ones(5)).value == pytest.approx(0.5 / 3)
+    assert math.isnan(auc(scores, turns, np.arange(5), scene, np.ones(5)).value)
 
 
 def test_auc_agrees_with_a_loop() -> None:
@@ -229,14 +246,15 @@ def test_auc_agrees_with_a_loop() -> None:
     scores = rng.integers(0, 6, size=60).astype(float)
     turns = rng.random(60) < 0.4
     stratum, scene = rng.integers(0, 3, size=60), rng.integers(0, 12, size=60)
-    won = [
-        0.5 * (scores[i] == scores[j]) + (scores[i] > scores[j])
+    weight = rng.uniform(0.2, 1.0, size=60)
+    pairs = [
+        (0.5 * (scores[i] == scores[j]) + (scores[i] > scores[j]), weight[i] * weight[j])
         for i in np.flatnonzero(turns)
         for j in np.flatnonzero(~turns)
         if stratum[i] == stratum[j]
     ]
-    found = auc(scores, turns, stratum, scene)
-    assert found.value == pytest.approx(np.mean(won))
+    found = auc(scores, turns, stratum, scene, weight)
+    assert found.value == pytest.approx(np.average(*np.array(pairs).T.tolist()))
     assert found.low < found.value < found.high
 
 

@@ -111,7 +111,8 @@ def _draw(trained: TrainedRun, out: Path) -> Path:
     """Draw the turn by day whose NLL is the median: neither the best nor the worst."""
     split = load_split(trained.config.data, "val", trained.templates)
     chosen = _typical_turn(trained, split)
-    return save_figure(render_sample(view_sample(trained, split, chosen)), out / "planned.png")
+    figure = render_sample(view_sample(trained, split, chosen))
+    return save_figure(figure, out / "planned.png", dpi=110.0)
 
 
 def _typical_turn(trained: TrainedRun, split: LabelledSplit) -> int:
