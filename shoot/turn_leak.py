@@ -16,6 +16,7 @@ from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
+import shapely
 from jaxtyping import Bool, Float, Int, Shaped
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -74,22 +75,15 @@ def ways_of_paths(
         paths: Points in metres in `ego`.
         ways_m: Ways in metres in `ego`, at least one.
     """
-    distance_m = np.stack([_distances(paths[:, -1], way_m) for way_m in ways_m], axis=1)
+    ends = np.array(shapely.points(paths[:, -1].astype(np.float64)), dtype=object)
+    lines = np.array([shapely.LineString(way_m) for way_m in ways_m])
+    distance_m = shapely.distance(ends[:, None], lines)
     order = np.sort(distance_m, axis=1)
     # Driving back is no way on.
     taken = (order[:, 0] < NEAR_WAY_M) & (paths[:, -1, 0] > 0.0)
     if len(ways_m) > 1:
         taken &= order[:, 1] > order[:, 0] + PARTED_M
     return np.where(taken, distance_m.argmin(axis=1), -1)
-
-
-def _distances(points: Float[Array, "K 2"], way_m: Float[Array, "P 2"]) -> Float[Array, " K"]:
-    """Distance of each point to a polyline."""
-    start, along = way_m[:-1], np.diff(way_m, axis=0)
-    share = ((points[:, None] - start) * along).sum(-1) / np.maximum((along**2).sum(-1), 1e-12)
-    nearest = start + np.clip(share, 0.0, 1.0)[..., None] * along
-    away: Array = np.linalg.norm(points[:, None] - nearest, axis=-1).min(axis=1)
-    return away
 
 
 @dataclass(frozen=True)
@@ -470,8 +464,8 @@ def format_leak(leak: LeakReport) -> str:
     )
     for group in leak.groups:
         out.write(
-            f"{group.name:42} {group.num_samples:7d} {group.num_approaches:10d}  {_text(group.way):>20} "
-            f"{group.way.chance:6.1f}  {_text(group.left_right):>20}  "
+            f"{group.name:42} {group.num_samples:7d} {group.num_approaches:10d}  "
+            f"{_text(group.way):>20} {group.way.chance:6.1f}  {_text(group.left_right):>20}  "
             f"{_text(group.turn_straight):>20}\n"
         )
     out.write(
@@ -507,8 +501,8 @@ def render_leak(leak: LeakReport) -> Figure:
     )  # fmt: skip
     figure.text(
         0.012, 0.02,
-        "Bands: 95 % over scenes. Small numbers: approaches. Nothing in the images may tell the way "
-        "before the ego brakes or waits for it.",
+        "Bands: 95 % over scenes. Small numbers: approaches. Nothing in the images may tell "
+        "the way before the ego brakes or waits for it.",
         fontsize=9, color=palette.SOFT_INK,
     )  # fmt: skip
     return figure

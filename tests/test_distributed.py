@@ -25,15 +25,11 @@ from shoot.training import PlanningModule, make_trainer
 PATIENCE_S = 400
 
 
-class FrozenStatistics(PlanningModule):
-    """Normalises by stored statistics, so that a sample does not see the others of its batch."""
-
-    def train(self, mode: bool = True) -> "FrozenStatistics":
-        super().train(mode)
-        for module in self.modules():
-            if isinstance(module, nn.modules.batchnorm._BatchNorm):
-                module.eval()
-        return self
+def freeze_statistics(module: nn.Module) -> None:
+    """Normalise by stored statistics, so that a sample does not see the others of its batch."""
+    for part in module.modules():
+        if isinstance(part, nn.BatchNorm2d):
+            part.eval()
 
 
 def validate(run_folder: Path, out: Path) -> None:
@@ -57,7 +53,8 @@ def step_once(run_folder: Path, out: Path) -> None:
     optim = replace(config.optim, steps=1, batch_size=4)
     config = replace(config, optim=optim, val_every=1, val_samples=3)
     pl.seed_everything(3, verbose=False)
-    module = FrozenStatistics(config, templates)
+    module = PlanningModule(config, templates)
+    freeze_statistics(module)
     trainer = make_trainer(config, RunFolder(out))
     trainer.fit(module, datamodule=PlanningData(config, templates))
     if trainer.is_global_zero:

@@ -222,7 +222,7 @@ def test_probabilities_and_driven_rank_are_written(figure: Figure) -> None:
     words = "\n".join(text.get_text() for axes in figure.axes for text in axes.texts)
     assert all(label in words for label in ("50.0 %", "30.0 %", "20.0 %"))
     below = "\n".join(text.get_text() for text in figure.texts)
-    assert "rank 2," in below.replace("\n", " ")
+    assert "rank 2," in " ".join(below.split())
 
 
 def test_ranking_against_a_plain_reference() -> None:

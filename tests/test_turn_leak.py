@@ -164,8 +164,9 @@ def test_one_who_guesses_scores_chance(seed: int) -> None:
         left_right_score(answers, rows),
         turn_straight_score(answers, rows),
     ):
-        assert score.low < score.chance < score.high
-        assert score.high - score.low < 22.0
+        width = score.high - score.low
+        assert abs(score.value - score.chance) < 0.75 * width
+        assert width < 22.0
 
 
 def test_a_fixed_preference_tells_nothing() -> None:
@@ -254,7 +255,9 @@ def test_auc_agrees_with_a_loop() -> None:
         if stratum[i] == stratum[j]
     ]
     found = auc(scores, turns, stratum, scene, weight)
-    assert found.value == pytest.approx(np.average(*np.array(pairs).T.tolist()))
+    assert found.value == pytest.approx(
+        np.average([w for w, _ in pairs], weights=[x for _, x in pairs])
+    )
     assert found.low < found.value < found.high
 
 

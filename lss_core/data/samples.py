@@ -202,7 +202,19 @@ def _open_devkit(root: Path, version: str) -> Any:
     except (AssertionError, LookupError, TypeError, ValueError, OSError) as error:
         raise DataError(
             f"nuscenes-devkit cannot open '{root / version}': {type(error).__name__}: {error}"
+            f"{_unreadable_tables(root / version)}."
         ) from error
+
+
+def _unreadable_tables(folder: Path) -> str:
+    """Which tables are no JSON: the devkit does not say."""
+    broken = []
+    for table in sorted(folder.glob("*.json")):
+        try:
+            json.loads(table.read_bytes())
+        except ValueError:
+            broken.append(table.name)
+    return f"; damaged: {', '.join(broken)}" if broken else ""
 
 
 def _build_index(root: Path, version: str, cameras: tuple[str, ...]) -> SampleIndex:

@@ -212,9 +212,12 @@ def draw_ego(axes: Axes) -> None:
 
 
 def _draw_scale_bar(axes: Axes, extent: Extent, length_m: float) -> None:
-    """A known length in the lower left corner."""
+    """A known length in the lower corner that is farther from the car."""
     height_m = extent.x_max_m - extent.x_min_m
-    left_m = extent.y_max_m - 0.04 * height_m
+    if extent.y_max_m > -extent.y_min_m:
+        left_m = extent.y_max_m - 0.04 * height_m
+    else:
+        left_m = extent.y_min_m + 0.04 * height_m + length_m
     axes.plot(
         [left_m, left_m - length_m],
         [extent.x_min_m + 0.035 * height_m] * 2,

@@ -98,7 +98,7 @@ def find_approaches(
     found = []
     for place in dict.fromkeys(places.tolist()):
         lane = town.lanes[route[place]]
-        if lane.turn is not None or len(lane.successors) < 2:
+        if place + 1 == len(route) or lane.turn is not None or len(lane.successors) < 2:
             continue
         on_it = np.flatnonzero(places == place) * STEP_S
         approach = Approach(
