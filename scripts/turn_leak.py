@@ -18,7 +18,9 @@ from shoot.datamodule import load_split
 from shoot.intersections import find_questions
 from shoot.prediction import open_run, predict
 from shoot.rendering import save_figure
-from shoot.turn_leak import LeakReport, answer, format_leak, render_leak, report
+from shoot.turn_leak.answers import answer
+from shoot.turn_leak.figure import render_leak
+from shoot.turn_leak.report import LeakReport, format_leak, report
 
 
 @dataclass(frozen=True)

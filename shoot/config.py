@@ -13,7 +13,7 @@ from lss_core.files import write_atomically
 from lss_core.grid import BevGrid
 from shoot.planner import PlannerConfig
 
-Precision = Literal["32-true", "bf16-mixed", "16-mixed"]
+Precision = Literal["auto", "32-true", "bf16-mixed", "16-mixed"]
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,8 @@ class TrainConfig:
         accelerator: `cpu`, `gpu`, `mps`, or what is there (`auto`).
         devices: Processes on this machine (under torchrun, its own count wins).
         num_nodes: Machines.
-        precision: Of the convolutions; geometry, splat and scores stay float32.
+        precision: Of the convolutions; geometry, splat and scores stay float32. `auto`: bfloat16
+            where this machine is clearly faster in it, tried at the start; the run keeps it.
         seed: Of everything random.
         resume: Go on from the run's last checkpoint.
     """
@@ -159,6 +160,7 @@ SMALL = TrainConfig(
     val_samples=400,
     num_workers=1,
     accelerator="cpu",
+    precision="auto",
 )
 DEMO = replace(
     SMALL,

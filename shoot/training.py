@@ -3,6 +3,7 @@
 import logging
 import math
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +19,13 @@ from torch.optim import Optimizer
 from lss_core.batch import Batch
 from lss_core.errors import DataError
 from lss_core.model import CameraModel
-from shoot.config import OptimConfig, TrainConfig
+from shoot.config import OptimConfig, Precision, TrainConfig
 from shoot.datamodule import PlanBatch, PlanningData, check_shares
 from shoot.loop_callbacks import EndTogether, RoundProgress, TrueStep
 from shoot.metrics import PlanningMetrics
 from shoot.metrics_file import MetricsFile
 from shoot.planner import Planner
+from shoot.precision import fastest_precision
 from shoot.run_folder import LAST, RunFolder
 from shoot.templates import TemplateSet
 
@@ -160,6 +162,8 @@ def train(config: TrainConfig) -> Path:
     check_shares(config.optim.batch_size, math.prod(_processes(config)))
     templates = TemplateSet.load(config.templates)
     run = RunFolder(Path(config.out))
+    if config.precision == "auto":
+        config = replace(config, precision=_settle_precision(config, run))
     resume_from = run.begin(config, templates)
     if resume_from is not None:
         check_templates(run.checkpoint("last"), templates.sha256, f"'{resume_from}'")
@@ -167,11 +171,12 @@ def train(config: TrainConfig) -> Path:
     data = PlanningData(config, templates)
     module = PlanningModule(config, templates)
     logger.info(
-        "Training on %d samples (%d left out), validating on %d; %.2f M parameters.",
+        "Training on %d samples (%d left out), validating on %d; %.2f M parameters, %s.",
         len(data.train_split.labels),
         data.train_split.futures.num_left_out,
         len(data.val_split.labels),
         sum(p.numel() for p in module.parameters()) / 1e6,
+        config.precision,
     )
     trainer = make_trainer(config, run, resume_from is not None)
     trainer.fit(module, datamodule=data, ckpt_path=resume_from, weights_only=True)
@@ -180,6 +185,8 @@ def train(config: TrainConfig) -> Path:
 
 def make_trainer(config: TrainConfig, run: RunFolder, resume: bool = False) -> pl.Trainer:
     """Lightning's loop for a run; `resume` goes on with its record of metrics."""
+    if config.precision == "auto":
+        raise ValueError("Settle the precision first, as `train` does.")
     devices, num_nodes = _processes(config)
     many = devices > 1 or num_nodes > 1 or dist.is_torchelastic_launched()
     # Batch statistics are averaged before validation instead of at every forward pass: processes
@@ -219,6 +226,14 @@ def make_trainer(config: TrainConfig, run: RunFolder, resume: bool = False) -> p
         ],
         enable_model_summary=False,
     )
+
+
+def _settle_precision(config: TrainConfig, run: RunFolder) -> Precision:
+    """What a run was begun with, if it goes on; else what is fastest here."""
+    if config.resume and run.config_file.exists():
+        return run.config().precision
+    on_gpu = config.accelerator in ("auto", "gpu", "cuda") and torch.cuda.is_available()
+    return fastest_precision(torch.device("cuda" if on_gpu else "cpu"))
 
 
 def _processes(config: TrainConfig) -> tuple[int, int]:

@@ -8,20 +8,22 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from shoot.turn_leak import (
+from shoot.turn_leak.answers import (
     Answers,
     Direction,
     Question,
     Stage,
     answer,
+    ways_of_paths,
+)
+from shoot.turn_leak.figure import render_leak
+from shoot.turn_leak.report import (
     auc,
     format_leak,
     left_right_score,
-    render_leak,
     report,
     turn_straight_score,
     way_score,
-    ways_of_paths,
 )
 
 Array = npt.NDArray[Any]

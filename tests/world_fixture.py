@@ -89,6 +89,7 @@ SMALL_FLAGS = (
     "--optim.warmup-steps", "2",
     "--val-samples", "0",
     "--num-workers", "0",
+    "--precision", "32-true",
 )  # fmt: skip
 
 

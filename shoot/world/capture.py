@@ -7,7 +7,7 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from shoot.world.ground import Paint
+from shoot.world.paint import Paint
 from shoot.world.rig import make_rig
 from shoot.world.scenario import describe, make_look, make_scenario
 from shoot.world.scenery import ego_pose
@@ -34,6 +34,7 @@ class SceneOrder:
         seed: Of the whole data set.
         duration_s: Length of the scene.
         keyframe_s: Time between keyframes, on average.
+        tail_s: Time at the end without keyframes.
         image_scale: Share of 1600 x 900.
         lidar_azimuths: Lidar firings a turn.
         sweeps: Which sweeps get files.
@@ -47,6 +48,7 @@ class SceneOrder:
     seed: int
     duration_s: float
     keyframe_s: float
+    tail_s: float
     image_scale: float
     lidar_azimuths: int
     sweeps: Literal["keyframes", "all"]
@@ -123,7 +125,8 @@ def capture_scene(order: SceneOrder, town: Town, paint: Paint, root: Path) -> di
         return row
 
     num_steps = round(order.duration_s / LIDAR_PERIOD_S)
-    keyframes = keyframe_steps(num_steps, rng, order.keyframe_s)
+    tail_steps = round(order.tail_s / LIDAR_PERIOD_S)
+    keyframes = keyframe_steps(num_steps - tail_steps, rng, order.keyframe_s)
     for step in keyframes:
         time_us = round(step * LIDAR_PERIOD_S * 1e6)
         samples.append({

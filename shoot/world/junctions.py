@@ -1,6 +1,7 @@
 """Who may cross an intersection with whom: conflicting paths, parting siblings, lights."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import shapely
@@ -31,8 +32,9 @@ class PathRules:
     siblings: tuple[tuple[int, float], ...]
 
 
+@lru_cache(maxsize=1)
 def path_rules(town: Town) -> dict[int, PathRules]:
-    """Rules of each path across an intersection, by lane number."""
+    """Rules of each path across an intersection, by lane number; kept for a town's next scene."""
     by_crossing: dict[int, list[int]] = {}
     source: dict[int, int] = {}
     for lane in town.lanes:

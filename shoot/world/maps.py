@@ -12,7 +12,7 @@ import shapely
 import shapely.ops
 from numpy.typing import NDArray
 
-from shoot.world.ground import polygons_of
+from shoot.world.paint import polygons_of
 from shoot.world.tables import Row, rounded
 from shoot.world.tiling import TILE_M, Location, token
 from shoot.world.town import FloatArray, Lane, Town

@@ -1,6 +1,7 @@
 """The town that stands still, ready for rays: meshes, their light, lamps of signals and streets."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
@@ -153,6 +154,28 @@ class Scenery:
 
 
 def _standing_solid(town: Town, light: Light) -> Solid:
+    shape = _standing_shape(town)
+    mesh = shape.mesh
+    lit_rgb, albedo = lit(mesh.rgb, shape.normals, light).T.copy(), mesh.rgb.T.copy()
+    if light.street_lamps > 0.02:
+        burning = (mesh.material == LAMP) & (mesh.tag == models.STREET_LAMP)
+        lit_rgb[:, burning], albedo[:, burning] = _STREET_RGB[:, None], 0.0
+    return Solid(shape.scene, mesh, shape.normals, lit_rgb, albedo, shape.object_of_face)
+
+
+@dataclass(frozen=True)
+class _Shape:
+    """What stands, in no light; attributes as in `Solid`."""
+
+    scene: EmbreeScene | None
+    mesh: Mesh
+    normals: Float32Array
+    object_of_face: Int32Array
+
+
+@lru_cache(maxsize=1)
+def _standing_shape(town: Town) -> _Shape:
+    """The same for all scenes of a town."""
     rng = np.random.default_rng([town.seed, 3])
     parts = [models.building(house, index) for index, house in enumerate(town.buildings)]
     parts += [models.prop(thing, rng) for thing in town.props]
@@ -163,14 +186,7 @@ def _standing_solid(town: Town, light: Light) -> Solid:
         shape = models.car(length, width, height, parked.style)
         parts.append(shape.placed(parked.xy_m[0], parked.xy_m[1], parked.yaw_rad))
         owners.append(index)
-    if not parts:
-        return no_solid()
     mesh = meshes.join(parts)
-    normals = mesh.normals()
-    lit_rgb, albedo = lit(mesh.rgb, normals, light).T.copy(), mesh.rgb.T.copy()
-    if light.street_lamps > 0.02:
-        burning = (mesh.material == LAMP) & (mesh.tag == models.STREET_LAMP)
-        lit_rgb[:, burning], albedo[:, burning] = _STREET_RGB[:, None], 0.0
     counts = [len(part.faces) for part in parts]
-    objects = np.repeat(np.asarray(owners, np.int32), counts)
-    return Solid(embree_scene(mesh), mesh, normals, lit_rgb, albedo, objects)
+    objects = np.repeat(np.asarray(owners, np.int32), np.asarray(counts, np.int64))
+    return _Shape(embree_scene(mesh), mesh, mesh.normals(), objects)

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from shoot.world import film
 from shoot.world.casting import SIGHT_M, Hits, cast, objects_met, trace
 from shoot.world.facades import Facades
-from shoot.world.ground import ImageArray, Paint, light_ground
+from shoot.world.ground import light_ground
 from shoot.world.light import Light, light_of
 from shoot.world.meshes import FACADE, GLASS, Float32Array, Int32Array
 from shoot.world.movers import Moment, Movers
+from shoot.world.paint import ImageArray, Paint
 from shoot.world.recording import Look, Recording
 from shoot.world.rig import Camera, Rig, rotation_z
 from shoot.world.scenery import Lamps, Scenery, Solid, ego_pose, join_lamps

@@ -198,16 +198,21 @@ class Traffic:
         return free_m > sum(float(c.size_m[0]) + MIN_EMPTY_M for c in [*coming, car]) + 1.0
 
     def _has_oncoming(self, car: Car, conflicts: frozenset[int], states: StateArray) -> bool:
-        """Whether somebody on a conflicting path that is no left turn comes soon, on green."""
+        """Whether somebody comes soon, on green, who may cross our path and turns not left.
+
+        Nobody knows which way another will take: waiting for some and not for others would show it.
+        """
         for other in self.cars:
             if other is car:
                 continue
             place, room_m = self._gate(other)
-            path = other.route.lanes[place]
-            if path not in conflicts or self._town.lanes[path].turn == "left":
+            lane = self._town.lanes[other.route.lanes[place - 1]]
+            if not any(
+                path in conflicts and self._town.lanes[path].turn != "left"
+                for path in lane.successors
+            ):
                 continue
-            signal = self._town.lanes[other.route.lanes[place - 1]].signal
-            if signal is None or states[signal] != GREEN or room_m > 45.0:
+            if lane.signal is None or states[lane.signal] != GREEN or room_m > 45.0:
                 continue
             if other.speed_mps > 1.0 and room_m / other.speed_mps < 4.0:
                 return True

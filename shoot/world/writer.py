@@ -24,8 +24,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from lss_core.data.splits import official_scenes
 from lss_core.errors import DataError
 from shoot.world.capture import LIDAR, SceneOrder, capture_scene, texel_m
-from shoot.world.ground import paint_unlit
 from shoot.world.maps import canvas_of, merge_layers, town_layers, town_mask, write_mask
+from shoot.world.paint import paint_unlit
 from shoot.world.rig import CAMERA_PLANS
 from shoot.world.roads import make_town
 from shoot.world.tables import TABLE_NAMES, Row, fixed_tables
@@ -35,7 +35,7 @@ from shoot.world.town import Town
 VERSION = "v1.0-trainval"
 CARD = "world.json"
 # Raise it whenever the same settings would give other bytes: a resumed run must not mix two worlds.
-WORLD_FORMAT = 1
+WORLD_FORMAT = 2
 _PARTS = ".parts"
 
 
@@ -54,6 +54,8 @@ class MakeWorldConfig:
         scenes_per_town: Training scenes that share a town.
         duration_s: Length of a scene.
         keyframe_s: Time between keyframes, on average (nuScenes: 0.5 s).
+        tail_s: Time at the end of a scene without keyframes: poses go on, as the future of the
+            keyframes before (nuScenes: 0 s).
         lidar_azimuths: Lidar firings a turn (32 beams each); 0 takes fewer for smaller images.
     """
 
@@ -67,6 +69,7 @@ class MakeWorldConfig:
     scenes_per_town: int = 1
     duration_s: float = 20.0
     keyframe_s: float = 0.5
+    tail_s: float = 0.0
     lidar_azimuths: int = 0
 
     def __post_init__(self) -> None:
@@ -79,6 +82,7 @@ class MakeWorldConfig:
             "scenes_per_town": (1, 700),
             "duration_s": (0.5, 60.0),
             "keyframe_s": (0.2, 5.0),
+            "tail_s": (0.0, self.duration_s - 0.1),
             "lidar_azimuths": (0, 4096),
         }
         for name, (low, high) in limits.items():
@@ -187,7 +191,7 @@ def _town_orders(config: MakeWorldConfig) -> Iterator[_TownOrder]:
             scenes = tuple(
                 SceneOrder(
                     names[index], split, index, town, config.seed,
-                    config.duration_s, config.keyframe_s, config.image_scale,
+                    config.duration_s, config.keyframe_s, config.tail_s, config.image_scale,
                     config.azimuths(), config.sweeps, tile,
                 )
                 for index in range(first, min(first + per_town, num_scenes))

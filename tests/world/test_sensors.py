@@ -7,10 +7,11 @@ import pytest
 import shapely
 
 from shoot.world.casting import cast
-from shoot.world.ground import crosswalk_stripes, paint_ground, paint_unlit
+from shoot.world.ground import light_ground
 from shoot.world.light import light_of
 from shoot.world.meshes import ball, box, join, tube
 from shoot.world.movers import Movers
+from shoot.world.paint import crosswalk_stripes, paint_unlit
 from shoot.world.recording import GREEN, RED, Agent, Look, Recording
 from shoot.world.rig import Camera, Rig, make_rig, quaternion_wxyz, rotation_z
 from shoot.world.scenery import ego_pose
@@ -337,7 +338,7 @@ def test_crosswalk_stripes_by_hand():
 def test_ground_shows_paint_near_and_its_mean_far():
     town = replace(street(), lines=(RoadLine(np.array([[0.0, 50.0], [150.0, 50.0]]), "stop"),))
     light = light_of(DAY)
-    ground = paint_ground(town, light, 0.1)
+    ground = light_ground(paint_unlit(town, 0.1), town, light)
     down = np.array([[0.0], [0.0], [-1.0]], np.float32)
 
     def at(x_m: float, y_m: float, size_m: float) -> float:
@@ -355,9 +356,8 @@ def test_ground_shows_paint_near_and_its_mean_far():
 def test_shadows_lie_away_from_the_sun():
     tree = Prop("tree", np.array([75.0, 50.0]), 8.0, 2.0)
     look = Look("day", False, 0.0)  # the sun stands in the east
-    bare, shaded = (
-        paint_ground(replace(street(), props=props), light_of(look), 0.2) for props in ((), (tree,))
-    )
+    towns = [replace(street(), props=props) for props in ((), (tree,))]
+    bare, shaded = (light_ground(paint_unlit(t, 0.2), t, light_of(look)) for t in towns)
     changed = np.flatnonzero(bare.texels[: bare.starts[1]] != shaded.texels[: bare.starts[1]])
     x_m = (changed % bare.widths[0]) * 0.2 + bare.origin_m[0]
     assert len(changed) > 50

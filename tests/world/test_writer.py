@@ -400,6 +400,20 @@ def test_keyframes_come_unevenly_every_half_second():
     assert abs(steps.mean() - 10) < 0.5
 
 
+def test_poses_go_on_after_the_last_keyframe(tmp_path: Path):
+    make_world(config(tmp_path / "w", train_scenes=0, duration_s=2.0, keyframe_s=0.3, tail_s=1.0))
+    tables = tmp_path / "w" / VERSION
+    rows = {n: json.loads((tables / f"{n}.json").read_text()) for n in ("sample", "ego_pose")}
+    first, last = (
+        [row["timestamp"] for row in rows[name]][end]
+        for name, end in (("sample", 0), ("sample", -1))
+    )
+    lidar_us = [row["timestamp"] for row in rows["ego_pose"]]
+    assert len(rows["sample"]) >= 3
+    assert last - first < 1.0e6
+    assert max(lidar_us) - first == pytest.approx(1.95e6, abs=1e3)
+
+
 def test_towns_never_share_a_place():
     places = [tile_of("train", i) for i in range(700)] + [tile_of("val", i) for i in range(150)]
     assert len(set(places)) == 850

@@ -1,176 +1,20 @@
-"""Asks a planner, before each intersection, which way the ego will go: it must not know.
-
-The hidden route must not be visible. What a planner believes is the mass of its templates that
-lead through the intersection on each way the ego's lane allows. Ways differ in how many templates
-lead there and how many seconds it takes, so a belief is compared with what the same planner
-believes on average where the same directions are open, at about the same distance. Each approach
-counts once, however many samples were taken on it.
-"""
+"""How well a planner knows the ego's way: scores with intervals, by road and by what shows."""
 
 import io
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
-import shapely
-from jaxtyping import Bool, Float, Int, Shaped
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from jaxtyping import Bool, Float, Shaped
 
 from lss_core.files import write_atomically
 from shoot.bootstrap import NUM_DRAWS, SEED, Interval, interval
-from shoot.rendering import palette
+from shoot.turn_leak.answers import Answers, Array, Question, approach_weights
 
-Array = npt.NDArray[Any]
-Direction = Literal["left", "straight", "right"]
-Stage = Literal["hidden", "others", "ego"]
-
-# A template takes a way if it ends near it and clearly nearer to it than to any other.
-NEAR_WAY_M, PARTED_M = 4.0, 2.5
-# Places whose distance to their intersection differs by less than about this are alike.
-ALIKE_M = 8.0
-# A share below this is no stronger belief.
-LEAST_SHARE = 1e-3
-FIGURE_BIN_M, FIGURE_REACH_M = 7.5, 45.0
-
-
-@dataclass(frozen=True)
-class Question:
-    """One sample before an intersection at which the ego has a choice.
-
-    Attributes:
-        position: Place of the sample in its split.
-        scene: Name of its scene.
-        approach: Number of the approach in its scene.
-        directions: How each of W ways crosses the intersection.
-        ways_m: Per way [P, 2] points from the ego on, in metres in `ego`.
-        taken: The way it takes.
-        distance_m: To the intersection, along the lane.
-        is_single_lane: Whether the road has one lane a side.
-        stage: What can tell the way: nothing at all (`hidden`), what other road users do
-            (`others`), or already the ego's own braking or waiting (`ego`).
-    """
-
-    position: int
-    scene: str
-    approach: int
-    directions: tuple[Direction, ...]
-    ways_m: tuple[Array, ...]
-    taken: int
-    distance_m: float
-    is_single_lane: bool
-    stage: Stage
-
-
-def ways_of_paths(
-    paths: Float[Array, "K T 2"], ways_m: Sequence[Float[Array, "_ 2"]]
-) -> Int[Array, " K"]:
-    """Which way each path has taken by its end; -1 if none, or if they have not parted there.
-
-    Args:
-        paths: Points in metres in `ego`.
-        ways_m: Ways in metres in `ego`, at least one.
-    """
-    ends = np.array(shapely.points(paths[:, -1].astype(np.float64)), dtype=object)
-    lines = np.array([shapely.LineString(way_m) for way_m in ways_m])
-    distance_m = shapely.distance(ends[:, None], lines)
-    order = np.sort(distance_m, axis=1)
-    # Driving back is no way on.
-    taken = (order[:, 0] < NEAR_WAY_M) & (paths[:, -1, 0] > 0.0)
-    if len(ways_m) > 1:
-        taken &= order[:, 1] > order[:, 0] + PARTED_M
-    return np.where(taken, distance_m.argmin(axis=1), -1)
-
-
-@dataclass(frozen=True)
-class Answers:
-    """What a planner believes about Q questions, of which not all can be answered.
-
-    Attributes:
-        questions: Those for which every way has a template that leads through.
-        log_shares: Per question [W] log of the share of the mass that goes each way.
-        beliefs: The same less what the planner believes on average in such places.
-        is_shown: [Q] whether the way taken shows within the horizon of the templates.
-        num_unanswerable: Questions left out since a way has no template.
-    """
-
-    questions: tuple[Question, ...]
-    log_shares: tuple[Array, ...]
-    beliefs: tuple[Array, ...]
-    is_shown: Bool[Array, " Q"]
-    num_unanswerable: int
-
-
-def answer(
-    questions: Sequence[Question],
-    log_probs: Float[Array, "S K"],
-    templates: Float[Array, "K T 2"],
-    futures: Float[Array, "S T 2"],
-) -> Answers:
-    """Read a planner's beliefs off its template probabilities.
-
-    Args:
-        questions: About samples of a split.
-        log_probs: Of the templates, for all samples of the split.
-        templates: In metres in `ego`.
-        futures: Driven, of all samples of the split.
-    """
-    kept, shares, shown = [], [], []
-    for question in questions:
-        way_of = ways_of_paths(templates, question.ways_m)
-        own = log_probs[question.position].astype(np.float64)
-        masses = [own[way_of == way] for way in range(len(question.ways_m))]
-        if not all(len(mass) for mass in masses):
-            continue
-        log_mass = np.array([np.logaddexp.reduce(mass) for mass in masses])
-        kept.append(question)
-        shares.append(log_mass - np.logaddexp.reduce(log_mass))
-        driven = ways_of_paths(futures[question.position][None], question.ways_m)
-        shown.append(int(driven[0]) == question.taken)
-    return Answers(
-        tuple(kept),
-        tuple(shares),
-        _beyond_reference(kept, shares),
-        np.array(shown, dtype=np.bool_),
-        len(questions) - len(kept),
-    )
-
-
-def _beyond_reference(
-    questions: Sequence[Question], log_shares: Sequence[Array]
-) -> tuple[Array, ...]:
-    """Log shares less their mean over places alike; the mean knows of no way taken."""
-    # Ways come in any order; the reference is per direction.
-    orders = [np.argsort(np.array(q.directions), kind="stable") for q in questions]
-    weights = approach_weights(questions)
-    kinds: dict[tuple[str, ...], list[int]] = {}
-    for i, question in enumerate(questions):
-        kinds.setdefault(tuple(sorted(question.directions)), []).append(i)
-    beliefs: list[Array] = [np.zeros(0)] * len(questions)
-    for members in kinds.values():
-        table = np.stack([log_shares[i][orders[i]] for i in members])
-        table = np.maximum(table, np.log(LEAST_SHARE))
-        distance_m = np.array([questions[i].distance_m for i in members])
-        gap = (distance_m[:, None] - distance_m) / ALIKE_M
-        # The floor lets places of another distance decide where there is no other one.
-        alike = (np.exp(-0.5 * gap**2) + 1e-3) * weights[members]
-        beyond = table - (alike @ table) / alike.sum(axis=1, keepdims=True)
-        for i, row in zip(members, beyond, strict=True):
-            beliefs[i] = row[np.argsort(orders[i])]
-    return tuple(beliefs)
-
-
-def approach_weights(questions: Sequence[Question]) -> Float[Array, " Q"]:
-    """One over the number of questions on the same approach."""
-    keys = [(q.scene, q.approach) for q in questions]
-    counts: dict[tuple[str, int], int] = {}
-    for key in keys:
-        counts[key] = counts.get(key, 0) + 1
-    return np.array([1.0 / counts[key] for key in keys])
+DISTANCE_BIN_M, REACH_M = 7.5, 45.0
 
 
 @dataclass(frozen=True)
@@ -216,6 +60,8 @@ class Group:
 
 
 Filter = Callable[[Question, bool], bool]
+# Whether the way lies within 5 s is known only afterwards and may follow from what can be seen (a
+# queue on one of the ways): that group can exceed chance although nothing leaks; the first cannot.
 GROUPS: tuple[tuple[str, Filter], ...] = (
     ("one lane, before braking", lambda q, _: q.is_single_lane and q.stage != "ego"),
     ("one lane, before braking, way within 5 s",
@@ -275,17 +121,17 @@ def report(answers: Answers, run: str, split: str) -> LeakReport:
     by_distance = []
     for road, is_single in (("one lane a side", True), ("several lanes a side", False)):
         for stage, is_before in (("before braking", True), ("braking or waiting", False)):
-            for low_m in np.arange(0.0, FIGURE_REACH_M, FIGURE_BIN_M).tolist():
+            for low_m in np.arange(0.0, REACH_M, DISTANCE_BIN_M).tolist():
                 rows = [
                     i
                     for i, q in enumerate(answers.questions)
                     if q.is_single_lane == is_single
                     and (q.stage != "ego") == is_before
-                    and low_m <= q.distance_m < low_m + FIGURE_BIN_M
+                    and low_m <= q.distance_m < low_m + DISTANCE_BIN_M
                 ]
                 if rows:
                     score = way_score(answers, rows)
-                    by_distance.append((road, stage, low_m, low_m + FIGURE_BIN_M, score))
+                    by_distance.append((road, stage, low_m, low_m + DISTANCE_BIN_M, score))
     return LeakReport(
         run,
         split,
@@ -476,69 +322,8 @@ def format_leak(leak: LeakReport) -> str:
 
 
 def _text(score: Score) -> str:
-    return f"{score.value:.1f} [{score.low:.1f}, {score.high:.1f}]" if score.count else "-"
-
-
-def render_leak(leak: LeakReport) -> Figure:
-    """Picture of how often the way taken is named, by distance to the intersection.
-
-    Args:
-        leak: Of one planner.
-    """
-    figure = Figure(figsize=(10.5, 4.6), facecolor=palette.PAPER)
-    all_axes = figure.subplots(1, 2, sharey=True)
-    figure.subplots_adjust(left=0.075, right=0.985, bottom=0.215, top=0.80, wspace=0.06)
-    roads = ("one lane a side", "several lanes a side")
-    for axes, road in zip(all_axes, roads, strict=True):
-        _draw_road(axes, leak, road)
-    all_axes[0].set_ylabel("names the way taken (%)", fontsize=11)
-    for axes in all_axes:
-        if axes.lines:
-            axes.legend(frameon=False, fontsize=10, loc="lower right")
-    figure.text(
-        0.012, 0.975, f"Does the planner know where the ego will turn?  ({leak.split})",
-        va="top", fontsize=13, fontweight="bold", color=palette.INK,
-    )  # fmt: skip
-    figure.text(
-        0.012, 0.02,
-        "Bands: 95 % over scenes. Small numbers: approaches. Nothing in the images may tell "
-        "the way before the ego brakes or waits for it.",
-        fontsize=9, color=palette.SOFT_INK,
-    )  # fmt: skip
-    return figure
-
-
-def _draw_road(axes: Axes, leak: LeakReport, road: str) -> None:
-    styles = (
-        ("before braking", palette.DRIVEN, "-", "o", 97.0),
-        ("braking or waiting", palette.PLANNED, "--", "s", 92.5),
-    )
-    for stage, colour, line, marker, text_y in styles:
-        bins = [row for row in leak.by_distance if row[0] == road and row[1] == stage]
-        if not bins:
-            continue
-        middle_m = [(low + high) / 2 for _, _, low, high, _ in bins]
-        scores = [score for *_, score in bins]
-        # One scene alone has no interval.
-        low = [s.value if np.isnan(s.low) else s.low for s in scores]
-        high = [s.value if np.isnan(s.high) else s.high for s in scores]
-        axes.fill_between(middle_m, low, high, color=colour, alpha=0.18, linewidth=0)
-        axes.plot(
-            middle_m, [s.value for s in scores], line, color=colour, marker=marker, label=stage
-        )
-        for x, score in zip(middle_m, scores, strict=True):
-            axes.text(x, text_y, str(score.count), color=colour, fontsize=8.5, ha="center")
-        if stage == "before braking":
-            axes.plot(
-                middle_m, [s.chance for s in scores], ":", color=palette.INK, linewidth=1.6,
-                label="chance",
-            )  # fmt: skip
-    axes.set_title(road, fontsize=11, loc="left", color=palette.INK)
-    axes.set_xlim(FIGURE_REACH_M, 0.0)
-    axes.set_ylim(0.0, 102.0)
-    axes.set_xlabel("distance to the intersection (m)", fontsize=11)
-    axes.tick_params(labelsize=10)
-    axes.grid(color="#e4e7ea", linewidth=0.6)
-    axes.set_axisbelow(True)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
+    if np.isnan(score.value):
+        return "-"
+    if np.isnan(score.low):
+        return f"{score.value:.1f} (one scene)"
+    return f"{score.value:.1f} [{score.low:.1f}, {score.high:.1f}]"
