@@ -10,8 +10,8 @@ set_up_environment
 out=${1:-runs/small-results}
 world=$out/world
 
-shoot-make-world "$world" --train-scenes 360 --val-scenes 100 --seed 0 \
-  --image-scale 0.11 --scenes-per-town 2 --workers 2
+shoot-make-world "$world" --train-scenes 700 --val-scenes 100 --seed 0 \
+  --image-scale 0.11 --scenes-per-town 2 --tail-s 5 --workers 2
 [ -f "$out/templates.npz" ] ||
   shoot-fit-templates --data.root "$world" --k 1000 --seed 0 --out "$out/templates.npz"
 shoot-train small --data.root "$world" --templates "$out/templates.npz" --out "$out/run" --resume

@@ -245,7 +245,7 @@ class CitySensors:
         # Colours are kept as three planes: numpy is several times faster on them than on triples.
         light, eye = self.light, view.eye_m.astype(np.float32)
         pixel_rad = np.float32(1.0 / view.camera.pixel_from_camera[0, 0])
-        rgb = np.empty(rays.shape, np.float32)
+        rgb = np.zeros(rays.shape, np.float32)
         albedo = np.zeros(rays.shape, np.float32) if light.headlamps > 0 else None
 
         ground = np.flatnonzero(hits.is_ground)
