@@ -41,13 +41,13 @@ class RoadKind:
         return self.lanes * self.lane_m + self.shoulder_m
 
 
-NARROW = RoadKind("narrow", 1, 3.0, 0.3, 6.5)
-NORMAL = RoadKind("normal", 1, 3.5, 0.5, 9.5)
+NARROW = RoadKind("narrow", 1, 2.9, 0.3, 6.5)
+NORMAL = RoadKind("normal", 1, 3.8, 0.5, 9.5)
 WIDE = RoadKind("wide", 2, 3.6, 0.5, 13.0)
 # Within a kind, too, one drives as fast as the road is wide: speed is to be read off the road, and
 # not only from which of three kinds it is.
-LANE_SPREAD_M = 0.3
-SPEED_PER_WIDTH_PER_S = 5.0
+LANE_SPREAD_M = 0.45
+SPEED_PER_WIDTH_PER_S = 3.3
 
 
 def draw_road_kind(kind: RoadKind, rng: np.random.Generator) -> RoadKind:

@@ -11,7 +11,7 @@ from shoot.world.walkers import Pavements, Walker, send_walkers
 DT_S = 0.05
 BURN_IN_S = 20.0
 BURN_IN_STEPS = round(BURN_IN_S / STEP_S)
-NUM_CARS = (18, 37)
+NUM_CARS = (15, 31)
 MAX_SPEED_MPS = 13.5
 ROUTE_TO_SPARE_M = 320.0
 # Beyond what cameras draw: else someone far off would appear or vanish with the ego's hidden way.

@@ -314,7 +314,7 @@ def _new_car(town: Town, lane: Lane, at_m: float, route_m: float, rng: np.random
         size_m = np.array([rng.uniform(6.0, 6.4), 2.2, rng.uniform(2.6, 3.1)])
     else:
         size_m = np.array([4.1, 1.85, rng.uniform(1.45, 1.7)])
-    pace = float(np.clip(rng.normal(1.0, 0.015), 0.96, 1.04))
+    pace = float(np.clip(rng.normal(1.0, 0.01), 0.97, 1.03))
     route = plan_route(town, lane.lane_id, route_m, pace, rng)
     return Car(
         route=route,
