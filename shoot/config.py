@@ -154,9 +154,9 @@ SMALL = TrainConfig(
     data=DataConfig(image=_CPU_IMAGE),
     model=_CPU_MODEL,
     optim=OptimConfig(
-        steps=2500, batch_size=8, learning_rate=2e-3, warmup_steps=100, schedule="cosine"
+        steps=7000, batch_size=8, learning_rate=2e-3, warmup_steps=100, schedule="cosine"
     ),
-    val_every=250,
+    val_every=500,
     val_samples=400,
     num_workers=1,
     accelerator="cpu",
@@ -165,8 +165,8 @@ SMALL = TrainConfig(
 DEMO = replace(
     SMALL,
     out="runs/demo",
-    optim=replace(SMALL.optim, steps=500, warmup_steps=50),
-    val_every=125,
+    optim=replace(SMALL.optim, steps=900, warmup_steps=90),
+    val_every=300,
     val_samples=120,
 )
 
