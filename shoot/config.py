@@ -152,19 +152,22 @@ SMALL = TrainConfig(
     templates="templates.npz",
     out="runs/small",
     data=DataConfig(image=_CPU_IMAGE),
-    model=_CPU_MODEL,
+    model=replace(
+        _CPU_MODEL, backbone="plain-32-32-64-128", stem_channels=32, decoder_channels=64
+    ),
     optim=OptimConfig(
-        steps=7000, batch_size=8, learning_rate=2e-3, warmup_steps=100, schedule="cosine"
+        steps=6000, batch_size=8, learning_rate=2e-3, warmup_steps=100, schedule="cosine"
     ),
     val_every=500,
     val_samples=400,
-    num_workers=1,
+    num_workers=0,  # on two cores a worker takes more time from the convolutions than it saves
     accelerator="cpu",
     precision="auto",
 )
 DEMO = replace(
     SMALL,
     out="runs/demo",
+    model=_CPU_MODEL,
     optim=replace(SMALL.optim, steps=900, warmup_steps=90),
     val_every=300,
     val_samples=120,
