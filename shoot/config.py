@@ -152,9 +152,7 @@ SMALL = TrainConfig(
     templates="templates.npz",
     out="runs/small",
     data=DataConfig(image=_CPU_IMAGE),
-    model=replace(
-        _CPU_MODEL, backbone="plain-32-32-64-128", stem_channels=32, decoder_channels=64
-    ),
+    model=_CPU_MODEL,
     optim=OptimConfig(
         steps=6000, batch_size=8, learning_rate=2e-3, warmup_steps=100, schedule="cosine"
     ),
@@ -167,7 +165,6 @@ SMALL = TrainConfig(
 DEMO = replace(
     SMALL,
     out="runs/demo",
-    model=_CPU_MODEL,
     optim=replace(SMALL.optim, steps=900, warmup_steps=90),
     val_every=300,
     val_samples=120,
