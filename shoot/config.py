@@ -154,9 +154,9 @@ SMALL = TrainConfig(
     data=DataConfig(image=_CPU_IMAGE),
     model=_CPU_MODEL,
     optim=OptimConfig(
-        steps=6000, batch_size=8, learning_rate=2e-3, warmup_steps=100, schedule="cosine"
+        steps=5600, batch_size=8, learning_rate=2e-3, warmup_steps=100, schedule="cosine"
     ),
-    val_every=500,
+    val_every=800,
     val_samples=400,
     num_workers=0,  # on two cores a worker takes more time from the convolutions than it saves
     accelerator="cpu",
