@@ -145,7 +145,7 @@ def _draw_speeds(
     )
     axes.set_xlabel("mean speed (m/s)", fontsize=11)
     axes.set_ylabel("share (%)", fontsize=11)
-    axes.legend(frameon=False, fontsize=10)
+    axes.legend(frameon=False, fontsize=10, loc="lower right", bbox_to_anchor=(1.02, 0.98), ncols=2)
     _strip(axes)
 
 
