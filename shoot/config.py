@@ -13,7 +13,7 @@ from lss_core.files import write_atomically
 from lss_core.grid import BevGrid
 from shoot.planner import PlannerConfig
 
-Precision = Literal["auto", "32-true", "bf16-mixed", "16-mixed"]
+Precision = Literal["32-true", "bf16-mixed", "16-mixed"]
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class TrainConfig:
     accelerator: str = "auto"
     devices: int = 1
     num_nodes: int = 1
-    precision: Precision = "32-true"
+    precision: Precision | Literal["auto"] = "32-true"
     seed: int = 0
     resume: bool = False
 

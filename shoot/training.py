@@ -230,8 +230,9 @@ def make_trainer(config: TrainConfig, run: RunFolder, resume: bool = False) -> p
 
 def _settle_precision(config: TrainConfig, run: RunFolder) -> Precision:
     """What a run was begun with, if it goes on; else what is fastest here."""
-    if config.resume and run.config_file.exists():
-        return run.config().precision
+    begun_with = run.config().precision if config.resume and run.config_file.exists() else "auto"
+    if begun_with != "auto":
+        return begun_with
     on_gpu = config.accelerator in ("auto", "gpu", "cuda") and torch.cuda.is_available()
     return fastest_precision(torch.device("cuda" if on_gpu else "cpu"))
 

@@ -1,4 +1,3 @@
-import itertools
 from pathlib import Path
 
 import matplotlib.image as mpl_image
@@ -9,7 +8,6 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from lss_core.config import CAMERAS
-from lss_core.errors import DataError
 from lss_core.grid import BevGrid
 from shoot.rendering import SampleView, palette, render_sample, render_templates, save_figure
 from shoot.rendering.bev_panel import close_extent, cost_range, draw_ego, whole_extent
@@ -387,97 +385,10 @@ def test_few_templates_of_equal_counts_are_drawn(k: int, tmp_path: Path) -> None
     assert mpl_image.imread(path).std() > 0.02
 
 
-# Colours ------------------------------------------------------------------------------------------
-
-# Machado, Oliveira and Fernandes 2009, full severity, on linear RGB.
-DEFICIENCIES = {
-    "none": np.eye(3),
-    "protanopia": np.array(
-        [
-            [0.152286, 1.052583, -0.204868],
-            [0.114503, 0.786281, 0.099216],
-            [-0.003882, -0.048116, 1.051998],
-        ]
-    ),
-    "deuteranopia": np.array(
-        [
-            [0.367322, 0.860646, -0.227968],
-            [0.280085, 0.672501, 0.047413],
-            [-0.011820, 0.042940, 0.968881],
-        ]
-    ),
-    "grey": np.tile([0.2126, 0.7152, 0.0722], (3, 1)),
-}
-
-
-def lab(colour: object, deficiency: str) -> np.ndarray:
-    srgb = np.array(to_rgb(colour))  # type: ignore[arg-type]
-    linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
-    linear = np.clip(DEFICIENCIES[deficiency] @ linear, 0.0, 1.0)
-    xyz_from_rgb = np.array(
-        [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
-    )
-    xyz = xyz_from_rgb @ linear / np.array([0.9505, 1.0, 1.089])
-    f = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16.0 / 116.0)
-    return np.array([116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])])
-
-
-def test_the_simulation_confuses_what_colour_blind_people_confuse() -> None:
-    red, green = "#d55e5e", "#7e8a00"
-    plain = np.linalg.norm(lab(red, "none") - lab(green, "none"))
-    assert np.linalg.norm(lab(red, "deuteranopia") - lab(green, "deuteranopia")) < 0.5 * plain
-
-
-@pytest.mark.parametrize("deficiency", ["none", "protanopia", "deuteranopia"])
-def test_kinds_of_things_differ_for_colour_blind_people(deficiency: str) -> None:
-    kinds = [palette.PLANNED, palette.DRIVEN, palette.EGO, palette.PAPER]
-    for one, other in itertools.combinations(kinds, 2):
-        assert np.linalg.norm(lab(one, deficiency) - lab(other, deficiency)) > 25.0
-    for strength in (0.0, 0.3, 0.6, 1.0):  # every shade of planned against driven
-        gap = lab(palette.PROBABILITY(strength), deficiency) - lab(palette.DRIVEN, deficiency)
-        assert np.linalg.norm(gap) > 25.0
-
-
-@pytest.mark.parametrize("ramp", [palette.COST, palette.PROBABILITY, palette.COUNT, palette.DEPTH])
-@pytest.mark.parametrize("deficiency", list(DEFICIENCIES))
-def test_ramps_change_lightness_one_way(ramp: object, deficiency: str) -> None:
-    lightness = [lab(ramp(value), deficiency)[0] for value in np.linspace(0, 1, 9)]  # type: ignore[operator]
-    steps = np.diff(lightness)
-    assert (steps > 1.0).all() or (steps < -1.0).all()
-
-
 # Saving -------------------------------------------------------------------------------------------
-
-
-class BrokenFigure(Figure):
-    def savefig(self, fname, **kwargs) -> None:  # type: ignore[no-untyped-def, override]
-        fname.write(b"half a picture")
-        raise RuntimeError("the power went out")
-
-
-def test_failed_save_leaves_the_old_picture_and_no_rest(tmp_path: Path) -> None:
-    path = tmp_path / "new" / "picture.png"
-    save_figure(Figure(figsize=(1, 1)), path)
-    before = path.read_bytes()
-    assert before.startswith(b"\x89PNG")
-    with pytest.raises(RuntimeError, match="power"):
-        save_figure(BrokenFigure(), path)
-    assert path.read_bytes() == before
-    with pytest.raises(RuntimeError, match="power"):
-        save_figure(BrokenFigure(), path.with_name("other.png"))
-    assert [p.name for p in path.parent.iterdir()] == ["picture.png"]
 
 
 def test_saving_is_the_same_bytes_again(tmp_path: Path, figure: Figure) -> None:
     first = save_figure(figure, tmp_path / "a.png", dpi=40.0).read_bytes()
     again = save_figure(render_sample(make_view()), tmp_path / "b.png", dpi=40.0).read_bytes()
     assert again == first
-
-
-def test_saving_by_name_and_where_it_cannot(tmp_path: Path) -> None:
-    assert save_figure(Figure(), tmp_path / "a.PDF").read_bytes().startswith(b"%PDF")
-    with pytest.raises(DataError, match="must end in one of"):
-        save_figure(Figure(), tmp_path / "a.npz")
-    (tmp_path / "file").write_text("not a folder")
-    with pytest.raises(DataError, match="Cannot write the picture"):
-        save_figure(Figure(), tmp_path / "file" / "a.png")

@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 from shoot.world.town import FloatArray
 
 RED, AMBER, GREEN = 0, 1, 2
+# Cameras draw road users up to here, and a recording keeps all who ever come nearer: were the cut
+# seen, someone far off would appear or vanish with the ego's hidden way.
+AGENT_SIGHT_M = 140.0
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from shoot.world.junctions import SignalPlan, plan_signals
-from shoot.world.recording import Agent, Look, Recording
+from shoot.world.recording import AGENT_SIGHT_M, Agent, Look, Recording
 from shoot.world.town import FloatArray, Town
 from shoot.world.traffic import STEP_S, Car, Traffic, place_cars
 from shoot.world.walkers import Pavements, Walker, send_walkers
@@ -14,8 +14,8 @@ BURN_IN_STEPS = round(BURN_IN_S / STEP_S)
 NUM_CARS = (15, 31)
 MAX_SPEED_MPS = 13.5
 ROUTE_TO_SPARE_M = 320.0
-# Beyond what cameras draw: else someone far off would appear or vanish with the ego's hidden way.
-KEEP_WITHIN_M = 150.0
+# Cameras stand a little off the ego's origin, and fire between steps.
+KEEP_WITHIN_M = AGENT_SIGHT_M + 10.0
 
 
 def make_scenario(town: Town, seed: int, duration_s: float = 20.0) -> Recording:

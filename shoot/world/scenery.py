@@ -1,6 +1,6 @@
 """The town that stands still, ready for rays: meshes, their light, lamps of signals and streets."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -154,28 +154,18 @@ class Scenery:
 
 
 def _standing_solid(town: Town, light: Light) -> Solid:
-    shape = _standing_shape(town)
-    mesh = shape.mesh
-    lit_rgb, albedo = lit(mesh.rgb, shape.normals, light).T.copy(), mesh.rgb.T.copy()
+    unlit = _unlit_solid(town)
+    mesh = unlit.mesh
+    lit_rgb, albedo = lit(mesh.rgb, unlit.normals, light).T.copy(), unlit.albedo_rgb.copy()
     if light.street_lamps > 0.02:
         burning = (mesh.material == LAMP) & (mesh.tag == models.STREET_LAMP)
         lit_rgb[:, burning], albedo[:, burning] = _STREET_RGB[:, None], 0.0
-    return Solid(shape.scene, mesh, shape.normals, lit_rgb, albedo, shape.object_of_face)
-
-
-@dataclass(frozen=True)
-class _Shape:
-    """What stands, in no light; attributes as in `Solid`."""
-
-    scene: EmbreeScene | None
-    mesh: Mesh
-    normals: Float32Array
-    object_of_face: Int32Array
+    return replace(unlit, lit_rgb=lit_rgb, albedo_rgb=albedo)
 
 
 @lru_cache(maxsize=1)
-def _standing_shape(town: Town) -> _Shape:
-    """The same for all scenes of a town."""
+def _unlit_solid(town: Town) -> Solid:
+    """What stands, in the dark: the same for all scenes of a town, so not to be written to."""
     rng = np.random.default_rng([town.seed, 3])
     parts = [models.building(house, index) for index, house in enumerate(town.buildings)]
     parts += [models.prop(thing, rng) for thing in town.props]
@@ -189,4 +179,5 @@ def _standing_shape(town: Town) -> _Shape:
     mesh = meshes.join(parts)
     counts = [len(part.faces) for part in parts]
     objects = np.repeat(np.asarray(owners, np.int32), np.asarray(counts, np.int64))
-    return _Shape(embree_scene(mesh), mesh, mesh.normals(), objects)
+    albedo = mesh.rgb.T.copy()
+    return Solid(embree_scene(mesh), mesh, mesh.normals(), np.zeros_like(albedo), albedo, objects)

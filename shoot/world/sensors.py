@@ -17,13 +17,12 @@ from shoot.world.light import Light, light_of
 from shoot.world.meshes import FACADE, GLASS, Float32Array, Int32Array
 from shoot.world.movers import Moment, Movers
 from shoot.world.paint import ImageArray, Paint
-from shoot.world.recording import Look, Recording
+from shoot.world.recording import AGENT_SIGHT_M, Look, Recording
 from shoot.world.rig import Camera, Rig, rotation_z
 from shoot.world.scenery import Lamps, Scenery, Solid, ego_pose, join_lamps
 from shoot.world.town import FloatArray, Town
 
 LIDAR_REACH_M = 90.0
-_AGENT_SIGHT_M = 140.0
 
 
 @dataclass(frozen=True)
@@ -208,7 +207,7 @@ class CitySensors:
         """Agents that may be in the picture, and the pixels they and their shadows may cover."""
         camera = view.camera
         mask = np.zeros((camera.height_px, camera.width_px), bool)
-        moment = moment.within(view.eye_m, _AGENT_SIGHT_M)
+        moment = moment.within(view.eye_m, AGENT_SIGHT_M)
         if len(moment.index) == 0:
             return moment, np.zeros(0, np.int32)
         sun = self.light.sun_direction
@@ -291,7 +290,6 @@ class CitySensors:
 
         sky = np.flatnonzero(hits.distance_m >= SIGHT_M)
         if albedo is not None:
-            rgb[:, sky] = 0.0
             rgb += albedo * self._lamp_light(view, rays, hits.distance_m)
         clear = np.exp(hits.distance_m * np.float32(-1 / light.haze_m))
         rgb -= light.horizon_rgb[:, None]

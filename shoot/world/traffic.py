@@ -198,7 +198,7 @@ class Traffic:
         return free_m > sum(float(c.size_m[0]) + MIN_EMPTY_M for c in [*coming, car]) + 1.0
 
     def _has_oncoming(self, car: Car, conflicts: frozenset[int], states: StateArray) -> bool:
-        """Whether somebody comes soon, on green, who may cross our path and turns not left.
+        """Whether somebody comes soon, on green, who may go straight or right across our path.
 
         Nobody knows which way another will take: waiting for some and not for others would show it.
         """

@@ -6,6 +6,7 @@ from shoot.world.driver import (
     BRAKE_MPS2,
     ROUTE_STEP_M,
     follow_accel,
+    follow_lanes,
     plan_route,
     stop_accel,
 )
@@ -14,7 +15,8 @@ from shoot.world.recording import AMBER, GREEN, RED
 from shoot.world.roads import make_town
 from shoot.world.scenario import simulate
 from shoot.world.town import Town
-from shoot.world.traffic import STEP_S, Car
+from shoot.world.traffic import STEP_S, Car, Traffic
+from shoot.world.walkers import Pavements
 
 
 @pytest.fixture(scope="module")
@@ -158,6 +160,34 @@ def test_oncoming_traffic_going_straight_passes() -> None:
                     met += 1
                     assert q not in rules[p].conflicts
     assert met > 10
+
+
+def test_left_turners_do_not_know_where_oncoming_cars_will_go(town: Town) -> None:
+    rng = np.random.default_rng(3)
+    plan, cars, walkers = simulate(town, rng, duration_s=1.0)
+    traffic = Traffic(town, plan, Pavements(town, plan, walkers), cars)
+    all_green = np.full(len(town.signals), GREEN)
+    rules = path_rules(town)
+    answers = {}
+    for car in cars:
+        # As it stands after the last step, a little before its next intersection or on one.
+        place, _ = traffic._gate(car)
+        source = car.route.lanes[place - 1]
+        if len(town.lanes[source].successors) < 2:
+            continue
+        before = [town.lanes[i] for i in car.route.lanes[:place]]
+        for path in town.lanes[source].successors:
+            ahead = [town.lanes[path], town.lanes[town.lanes[path].successors[0]]]
+            car.route = follow_lanes([*before, *ahead], car.route.pace)
+            for asker in cars:
+                if asker is not car:
+                    ask_place, _ = traffic._gate(asker)
+                    conflicts = rules[asker.route.lanes[ask_place]].conflicts
+                    answer = traffic._has_oncoming(asker, conflicts, all_green)
+                    # The same whichever way this one will take.
+                    assert answers.setdefault((id(car), id(asker)), answer) == answer
+    assert len(answers) > 100
+    assert 0 < sum(answers.values()) < len(answers)
 
 
 def test_nobody_waits_for_ever(runs: list[tuple[Town, list[Car]]]) -> None:

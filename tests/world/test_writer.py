@@ -22,11 +22,10 @@ from lss_core.errors import DataError
 from shoot.cli import make_world as command
 from shoot.world import writer
 from shoot.world.capture import keyframe_steps
-from shoot.world.maps import arcline_path, write_mask
 from shoot.world.roads import make_town
 from shoot.world.scenario import make_look, make_scenario
 from shoot.world.scenery import ego_pose
-from shoot.world.tiling import TILE_M, seed_of, tile_of, token
+from shoot.world.tiling import TILE_M, seed_of, tile_of
 from shoot.world.writer import VERSION, MakeWorldConfig, make_world
 
 DURATION_S = 1.5
@@ -366,6 +365,7 @@ def test_strange_folders_are_refused(tmp_path: Path):
         ({"image_scale": 3.0}, "--image-scale"),
         ({"train_scenes": 0, "val_scenes": 0}, "nothing to write"),
         ({"workers": 0}, "--workers"),
+        ({"tail_s": DURATION_S}, "--tail-s"),
     ],
 )
 def test_impossible_settings_are_refused(tmp_path: Path, changes, flag):
@@ -412,43 +412,3 @@ def test_poses_go_on_after_the_last_keyframe(tmp_path: Path):
     assert len(rows["sample"]) >= 3
     assert last - first < 1.0e6
     assert max(lidar_us) - first == pytest.approx(1.95e6, abs=1e3)
-
-
-def test_towns_never_share_a_place():
-    places = [tile_of("train", i) for i in range(700)] + [tile_of("val", i) for i in range(150)]
-    assert len(set(places)) == 850
-    # The first of them fit into the smallest real map (1585.6 x 2025 m).
-    for tile in places[:60] + places[700:720]:
-        assert np.all(tile.origin_m + TILE_M <= [1585.6, 2025.0])
-
-
-def test_masks_are_joined_with_north_up(tmp_path: Path):
-    side = round(TILE_M / 0.1)
-    tile = np.zeros((side, side), np.uint8)
-    tile[:10, :20] = 255  # lower left corner of the town
-    cv2.imwrite(str(tmp_path / "tile.png"), tile)
-    write_mask(tmp_path / "map.png", {(1, 0): tmp_path / "tile.png"}, 2, 1)
-    with Image.open(tmp_path / "map.png") as image:
-        assert image.mode == "L"
-        mask = np.asarray(image)
-    assert mask.shape == (side, 2 * side)
-    assert np.all(mask[-10:, side : side + 20] == 255)
-    assert mask.sum() == 255 * 200
-
-
-def test_arc_lines_follow_their_polyline():
-    from nuscenes.map_expansion.arcline_path_utils import discretize_lane
-
-    turn = np.linspace(0, np.pi / 2, 40)
-    curve = 10 * np.stack([np.sin(turn), 1 - np.cos(turn)], axis=1) + [5.0, 7.0]
-    walked = np.array(discretize_lane(arcline_path(curve), 0.25))
-    radius = np.hypot(walked[:, 0] - 5.0, walked[:, 1] - 17.0)
-    assert np.abs(radius - 10).max() < 0.08
-    assert walked[0, :2] == pytest.approx([5, 7], abs=0.01)
-    assert walked[-1, :2] == pytest.approx([15, 17], abs=0.3)
-
-
-def test_tokens_are_stable():
-    assert token("scene", 1) == token("scene", 1)
-    assert len({token("scene", i) for i in range(100)}) == 100
-    assert len(token("a")) == 32
