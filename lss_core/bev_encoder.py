@@ -1,10 +1,14 @@
 """From splatted context to the output map: three ResNet-18 stages and a small decoder."""
 
+from typing import NamedTuple
+
 import torch
 import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor, nn
 from torchvision.models.resnet import BasicBlock
+
+from lss_core.grid import CellWindow
 
 
 class BevEncoder(nn.Module):
@@ -55,16 +59,69 @@ class BevEncoder(nn.Module):
         if self.head.bias is not None:
             nn.init.zeros_(self.head.bias)
 
-    def forward(self, bev: Float[Tensor, "B Cin X Y"]) -> Float[Tensor, "B Cout X Y"]:
-        """The output map, on the input's cells."""
+    def forward(
+        self, bev: Float[Tensor, "B Cin X Y"], window: CellWindow | None = None
+    ) -> Float[Tensor, "B Cout X2 Y2"]:
+        """The output map, on the input's cells.
+
+        Args:
+            bev: Context per cell.
+            window: Give only these cells of the map, the same values for less: two thirds of the
+                work lie in the decoder, which then runs where it is needed. Not for training:
+                batch statistics would be the window's.
+        """
         x1 = self.stage1(self.stem(bev))
         x3 = self.stage3(self.stage2(x1))
-        joined = self.mix(torch.cat([_resize(x3, x1.shape[-2:]), x1], dim=1))
-        output: Tensor = self.head(self.smooth(_resize(joined, bev.shape[-2:])))
+        joined = torch.cat([_resize(x3, x1.shape[-2:]), x1], dim=1)
+        if window is None:
+            fine = _resize(self.mix(joined), bev.shape[-2:])
+            output: Tensor = self.head(self.smooth(fine))
+            return output
+        rows = _Cut.of(window.x_start, window.x_stop, bev.shape[-2], x1.shape[-2])
+        columns = _Cut.of(window.y_start, window.y_stop, bev.shape[-1], x1.shape[-1])
+        mixed = self.mix(joined[..., rows.coarse, columns.coarse])
+        fine = _resize(mixed, (rows.fine_size, columns.fine_size))[..., rows.fine, columns.fine]
+        output = self.head(self.smooth(fine)[..., rows.output, columns.output])
         return output
 
 
-def _resize(x: Float[Tensor, "B C X Y"], shape: torch.Size) -> Float[Tensor, "B C X2 Y2"]:
+class _Cut(NamedTuple):
+    """What the decoder needs of one axis for a range of output cells.
+
+    Attributes:
+        coarse: Cells of the joined map, at half the resolution.
+        fine_size: What they are upsampled to.
+        fine: Of these, the output cells and one more on each side.
+        output: Of these, the output cells.
+    """
+
+    coarse: slice
+    fine_size: int
+    fine: slice
+    output: slice
+
+    @staticmethod
+    def of(start: int, stop: int, num_fine: int, num_coarse: int) -> "_Cut":
+        """The cut for cells `start` to `stop` of `num_fine`."""
+        if num_fine != 2 * num_coarse:  # the cells of the two maps do not line up
+            low, high, first, fine_size = 0, num_coarse, 0, num_fine
+        else:
+            # The last convolution looks one fine cell far, upsampling one coarse cell, the two
+            # convolutions before it two more.
+            low, high = max(0, start // 2 - 4), min(num_coarse, -(-stop // 2) + 4)
+            first, fine_size = 2 * low, 2 * (high - low)
+        fine_start, fine_stop = max(0, start - 1), min(num_fine, stop + 1)
+        return _Cut(
+            slice(low, high),
+            fine_size,
+            slice(fine_start - first, fine_stop - first),
+            slice(start - fine_start, stop - fine_start),
+        )
+
+
+def _resize(
+    x: Float[Tensor, "B C X Y"], shape: torch.Size | tuple[int, int]
+) -> Float[Tensor, "B C X2 Y2"]:
     return F.interpolate(x, size=tuple(shape), mode="bilinear", align_corners=False)
 
 

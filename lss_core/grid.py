@@ -8,6 +8,28 @@ from torch import Tensor
 
 
 @dataclass(frozen=True)
+class CellWindow:
+    """A rectangle of cells; the stops are not in it.
+
+    Attributes:
+        x_start: First row forward.
+        x_stop: Row after the last.
+        y_start: First column to the left.
+        y_stop: Column after the last.
+    """
+
+    x_start: int
+    x_stop: int
+    y_start: int
+    y_stop: int
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(X, Y) cell counts."""
+        return self.x_stop - self.x_start, self.y_stop - self.y_start
+
+
+@dataclass(frozen=True)
 class BevGrid:
     """A rectangle of the ego frame's ground plane, cut into square cells.
 

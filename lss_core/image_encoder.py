@@ -17,6 +17,7 @@ from timm.models.efficientnet import EfficientNetFeatures
 from timm.models.mobilenetv3 import MobileNetV3Features
 from torch import Tensor, nn
 
+from lss_core.depthwise import train_depthwise_in_float32
 from lss_core.errors import DataError
 
 IMAGENET_MEAN = (0.485, 0.456, 0.406)
@@ -87,7 +88,9 @@ class ImageEncoder(nn.Module):
         fine, coarse = self.backbone((images - self.mean) / self.std)
         coarse = self.upsample(coarse)[..., : fine.shape[-2], : fine.shape[-1]]
         features = self.head(self.neck(torch.cat([fine, coarse], dim=1)))
-        depth_prob = features[:, : self.num_depths].softmax(dim=1)
+        # Over the innermost dimension in memory: the splat reads a pixel's depths side by side.
+        scores = features[:, : self.num_depths].permute(0, 2, 3, 1)
+        depth_prob = scores.softmax(dim=-1).permute(0, 3, 1, 2)
         return features[:, self.num_depths :], depth_prob
 
 
@@ -118,6 +121,7 @@ def create_backbone(
         # timm's EfficientNets keep the stages nobody reads, its other networks do not.
         last_stage = max(info["stage"] for info in _feature_info(net).get_dicts())
         net.blocks = net.blocks[:last_stage]
+    train_depthwise_in_float32(net)
     channels = _feature_info(net).channels()
     normalisation = getattr(net, "pretrained_cfg", None) or {}
     mean = IMAGENET_MEAN if options else normalisation.get("mean", IMAGENET_MEAN)

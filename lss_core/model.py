@@ -106,19 +106,12 @@ class CameraModel(nn.Module):
         Masked images do not pass the network, so they leave no trace in batch statistics either.
         """
         num_samples, num_cameras = images.shape[:2]
-        if tuple(images.shape[-2:]) != self.image_hw:
-            raise ValueError(
-                f"The model was made for images of {self.image_hw} px (height, width), got "
-                f"{tuple(images.shape[-2:])}."
-            )
         present = camera_mask.flatten()
         flat = images.flatten(0, 1)
         everything = bool(present.all())
         if not everything:
             flat = flat[present]
-        if flat.dtype == torch.uint8:
-            flat = flat.float() / 255.0
-        flat = flat.contiguous(memory_format=torch.channels_last)
+        flat = self.network_images(flat)
         height, width = (side // self.config.image_stride for side in self.image_hw)
         if len(flat):
             context, depth_prob = self.image_encoder(flat)
@@ -130,6 +123,21 @@ class CameraModel(nn.Module):
         shape = (num_samples, num_cameras)
         return context.unflatten(0, shape), depth_prob.unflatten(0, shape)
 
+    def network_images(self, images: Shaped[Tensor, "M 3 Hi Wi"]) -> Float[Tensor, "M 3 Hi Wi"]:
+        """Images as the image encoder takes them: in 0..1, channels innermost in memory.
+
+        Raises:
+            ValueError: If they are not of the size the model was made for.
+        """
+        if tuple(images.shape[-2:]) != self.image_hw:
+            raise ValueError(
+                f"The model was made for images of {self.image_hw} px (height, width), got "
+                f"{tuple(images.shape[-2:])}."
+            )
+        if images.dtype == torch.uint8:
+            images = images.float() / 255.0
+        return images.contiguous(memory_format=torch.channels_last)
+
     def splat_indices(
         self,
         pixel_from_camera: Float[Tensor, "B N 3 3"],
@@ -140,28 +148,27 @@ class CameraModel(nn.Module):
         keys = self.cache.keys(pixel_from_camera, ego_from_camera, camera_mask)
         found = [self.cache.get(key) for key in keys]
         new = [b for b, index in enumerate(found) if index is None]
-        if new:
-            masked = ~camera_mask[new]
-            eye = torch.eye(4, dtype=pixel_from_camera.dtype, device=pixel_from_camera.device)
+        eye = torch.eye(3, dtype=pixel_from_camera.dtype, device=pixel_from_camera.device)
+        for b in new:
             # A camera that is not there may have any calibration, even one that has no inverse.
-            points = frustum_points(
+            there = camera_mask[b, :, None, None]
+            (points_ego,) = frustum_points(
                 self.image_hw,
                 self.config.image_stride,
                 self.config.depth.depths_m,
-                torch.where(masked[..., None, None], eye[:3, :3], pixel_from_camera[new]),
-                ego_from_camera[new],
+                torch.where(there, pixel_from_camera[b], eye)[None],
+                ego_from_camera[b][None],
                 centers=self.config.frustum,
             )
-            for b, points_ego in zip(new, points, strict=True):
-                index = build_splat_index(
-                    points_ego,
-                    self.config.grid,
-                    self.config.z_min_m,
-                    self.config.z_max_m,
-                    camera_mask[b],
-                )
-                self.cache.put(keys[b], index)
-                found[b] = index
+            index = build_splat_index(
+                points_ego,
+                self.config.grid,
+                self.config.z_min_m,
+                self.config.z_max_m,
+                camera_mask[b],
+            )
+            self.cache.put(keys[b], index)
+            found[b] = index
         return [index for index in found if index is not None]
 
 

@@ -9,38 +9,36 @@ and depth fall into which cell depends on calibration alone: `build_splat_index`
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 import torch.nn.functional as F
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
+from torch.autograd.function import once_differentiable
 
 from lss_core.grid import BevGrid
 
 
 @dataclass(frozen=True)
 class SplatIndex:
-    """Which pixel and depth fall into which cell, for one sample; points outside the grid are gone.
+    """Which pixel and depth fall into which cell, for one sample.
 
     Attributes:
-        pixel_idx: Row of each kept point's pixel among the sample's N*H*W pixels, sorted by cell.
-        depth_idx: Place of each kept point among the sample's N*D*H*W depth probabilities.
-        cell_starts: First point of each of the X*Y cells (X outer); an empty cell starts where the
-            next one does.
-        num_pixels: N*H*W.
-        num_depths: N*D*H*W.
+        cell_of: The cell (X outer) of each pixel at each depth; -1 outside the grid.
+        point_idx: The points inside the grid, as places in `cell_of`, sorted by cell.
+        cell_starts: First of each cell's points in `point_idx`; an empty cell starts where the next
+            one does.
     """
 
-    pixel_idx: Int[Tensor, "P"]
-    depth_idx: Int[Tensor, "P"]
+    cell_of: Int[Tensor, "NHW D"]
+    point_idx: Int[Tensor, "P"]
     cell_starts: Int[Tensor, "XY"]
-    num_pixels: int
-    num_depths: int
 
     @property
     def num_bytes(self) -> int:
         """Memory held."""
-        return sum(t.nbytes for t in (self.pixel_idx, self.depth_idx, self.cell_starts))
+        return sum(t.nbytes for t in (self.cell_of, self.point_idx, self.cell_starts))
 
 
 @torch.no_grad()
@@ -63,26 +61,21 @@ def build_splat_index(
         z_max_m: Upper border of the pillars.
         camera_mask: False for cameras that are not there.
     """
-    num_cameras, num_bins, height, width = points_ego.shape[:4]
     cells, kept = grid.cells(points_ego[..., :2])
     z_m = points_ego[..., 2]
     kept &= (z_m >= z_min_m) & (z_m < z_max_m)
     if camera_mask is not None:
         kept &= camera_mask[:, None, None, None]
-    depth_idx = kept.flatten().nonzero()[:, 0]
-    cell_idx = (cells[..., 0] * grid.num_y + cells[..., 1]).flatten()[depth_idx]
-    cell_idx, order = torch.sort(cell_idx, stable=True)
-    depth_idx = depth_idx[order]
-    area = height * width
-    pixel_idx = depth_idx // (num_bins * area) * area + depth_idx % area
-    counts = torch.bincount(cell_idx, minlength=grid.num_x * grid.num_y)
     # int32 halves the memory of the cache and of the bag's reads.
+    cell_idx = torch.where(kept, cells[..., 0] * grid.num_y + cells[..., 1], -1).int()
+    cell_of = cell_idx.permute(0, 2, 3, 1).flatten(0, 2).contiguous()
+    point_idx = (cell_of.flatten() >= 0).nonzero()[:, 0]
+    sorted_cells, order = torch.sort(cell_of.flatten()[point_idx], stable=True)
+    counts = torch.bincount(sorted_cells, minlength=grid.num_x * grid.num_y)
     return SplatIndex(
-        pixel_idx=pixel_idx.int(),
-        depth_idx=depth_idx.int(),
+        cell_of=cell_of,
+        point_idx=point_idx[order].int(),
         cell_starts=(counts.cumsum(0) - counts).int(),
-        num_pixels=num_cameras * area,
-        num_depths=num_cameras * num_bins * area,
     )
 
 
@@ -106,40 +99,81 @@ def pool(
     """
     with torch.autocast(context.device.type, enabled=False):
         dtype = torch.promote_types(context.dtype, torch.float32)
-        rows = context.to(dtype).permute(0, 1, 3, 4, 2).flatten(0, 3)
-        weights = depth_prob.to(dtype).flatten()
-        joined = _join(indices)
-        bags = F.embedding_bag(
-            joined.pixel_idx,
-            rows,
-            joined.cell_starts,
-            mode="sum",
-            per_sample_weights=weights.index_select(0, joined.depth_idx),
-        )
+        # Both are views where channels lie innermost in memory, as convolutions leave them.
+        rows = context.to(dtype).permute(0, 1, 3, 4, 2).flatten(0, 3).contiguous()
+        weights = depth_prob.to(dtype).permute(0, 1, 3, 4, 2).flatten(0, 3).contiguous()
+        bags: Tensor = _SumIntoCells.apply(rows, weights, tuple(indices))
         # A view whose channels lie innermost in memory: the layout convolutions like.
         return bags.view(len(indices), grid.num_x, grid.num_y, -1).permute(0, 3, 1, 2)
 
 
-def _join(indices: Sequence[SplatIndex]) -> SplatIndex:
-    """One index for a batch whose samples lie one behind the other."""
-    if len(indices) == 1:
-        return indices[0]
-    pixel_idx, depth_idx, cell_starts = [], [], []
-    num_points = num_pixels = num_depths = 0
+class _SumIntoCells(torch.autograd.Function):
+    """A cell's bag of pixels; backward, a pixel's bag of cells: both are sums of weighted rows.
+
+    Autograd's own gradient of the first bag would sort its points by pixel at every call, but they
+    stand sorted in the index.
+    """
+
+    @staticmethod
+    def forward(
+        ctx: Any,
+        rows: Float[Tensor, "BNHW C"],
+        weights: Float[Tensor, "BNHW D"],
+        indices: tuple[SplatIndex, ...],
+    ) -> Float[Tensor, "BXY C"]:
+        """Sum of the rows of each cell's points, weighted."""
+        ctx.save_for_backward(rows, weights)
+        ctx.indices = indices
+        point_idx, cell_starts = _join(indices)
+        point_weights = weights.flatten().index_select(0, point_idx)
+        pixel_idx = point_idx.floor_divide_(weights.shape[1])
+        return F.embedding_bag(
+            pixel_idx, rows, cell_starts, mode="sum", per_sample_weights=point_weights
+        )
+
+    @staticmethod
+    @once_differentiable
+    def backward(
+        ctx: Any, *grads: Float[Tensor, "BXY C"]
+    ) -> tuple[Float[Tensor, "BNHW C"], Float[Tensor, "BNHW D"], None]:
+        """Each pixel collects from the cells of its depths; the weights are the same."""
+        rows, weights = ctx.saved_tensors
+        grad_rows, grad_weights = torch.empty_like(rows), torch.empty_like(weights)
+        first_pixel = first_cell = 0
+        for index in ctx.indices:
+            pixels = slice(first_pixel, first_pixel + len(index.cell_of))
+            cells = slice(first_cell, first_cell + len(index.cell_starts))
+            outside = index.cell_of < 0
+            with torch.enable_grad():
+                inside = weights[pixels].masked_fill(outside, 0.0).requires_grad_()
+                collected = F.embedding_bag(
+                    index.cell_of.clamp(min=0),
+                    grads[0][cells].contiguous(),
+                    mode="sum",
+                    per_sample_weights=inside,
+                )
+            grad_rows[pixels] = collected.detach()
+            # A weight's gradient is the product of its pixel's row and its cell's gradient: what
+            # the weight of this second bag gets when the rows come back to it as gradients.
+            (grad,) = torch.autograd.grad(collected, inside, rows[pixels])
+            grad_weights[pixels] = grad.masked_fill(outside, 0.0)
+            first_pixel, first_cell = pixels.stop, cells.stop
+        return grad_rows, grad_weights, None
+
+
+def _join(indices: Sequence[SplatIndex]) -> tuple[Int[Tensor, "P"], Int[Tensor, "BXY"]]:
+    """Points and cell starts of a batch whose samples lie one behind the other."""
+    point_idx = torch.cat([index.point_idx for index in indices])
+    cell_starts = torch.cat([index.cell_starts for index in indices])
+    num_places = num_points = num_cells = 0
     for index in indices:
-        pixel_idx.append(index.pixel_idx + num_pixels)
-        depth_idx.append(index.depth_idx + num_depths)
-        cell_starts.append(index.cell_starts + num_points)
-        num_points += len(index.pixel_idx)
-        num_pixels += index.num_pixels
-        num_depths += index.num_depths
-    return SplatIndex(
-        pixel_idx=torch.cat(pixel_idx),
-        depth_idx=torch.cat(depth_idx),
-        cell_starts=torch.cat(cell_starts),
-        num_pixels=num_pixels,
-        num_depths=num_depths,
-    )
+        points = slice(num_points, num_points + len(index.point_idx))
+        cells = slice(num_cells, num_cells + len(index.cell_starts))
+        point_idx[points] += num_places
+        cell_starts[cells] += num_points
+        num_places += index.cell_of.numel()
+        num_points, num_cells = points.stop, cells.stop
+    return point_idx, cell_starts
 
 
 def lift_splat(
@@ -196,6 +230,11 @@ class SplatCache:
 
     def __setstate__(self, state: dict[str, int]) -> None:
         self.__init__(**state)  # type: ignore[misc]
+
+    def clear(self) -> None:
+        """Forget all indices."""
+        self._entries.clear()
+        self._num_bytes = 0
 
     @staticmethod
     def keys(

@@ -21,7 +21,7 @@ from shoot.prediction import TrainedRun, predict
 from shoot.templates import TemplateSet
 
 
-def compare(run: TrainedRun, split: str, show_progress: bool = True) -> Report:
+def compare(run: TrainedRun, split: str, show_progress: bool = True, fast: bool = False) -> Report:
     """Score a run and its baselines on the same samples.
 
     The baselines are fitted on the run's training labels, never on `split`.
@@ -30,13 +30,14 @@ def compare(run: TrainedRun, split: str, show_progress: bool = True) -> Report:
         run: Trained planner.
         split: Scenes to score on.
         show_progress: Show how far prediction is.
+        fast: Predict by `FastPlanner`.
 
     Raises:
         DataError: If data is not as it should be.
     """
     samples = load_split(run.config.data, split, run.templates)
     known = _training_labels(run)
-    log_probs: dict[str, NDArray[Any]] = {"model": predict(run, samples, show_progress)}
+    log_probs: dict[str, NDArray[Any]] = {"model": predict(run, samples, show_progress, fast)}
     log_probs |= baseline_log_probs(known, samples, run.templates, run.module.planner)
     descriptions = samples.index.scene_description[samples.futures.scene]
     return evaluate(

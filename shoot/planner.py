@@ -1,6 +1,6 @@
 """The planner: cost read along each template, a Boltzmann distribution over them, and its loss."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import torch
@@ -8,7 +8,7 @@ import torch.nn.functional as F
 from jaxtyping import Float, Int
 from torch import Tensor, nn
 
-from lss_core.grid import BevGrid
+from lss_core.grid import BevGrid, CellWindow
 
 Interpolation = Literal["bilinear", "nearest"]
 OffGrid = Literal["learned", "border", "zero"]
@@ -43,6 +43,23 @@ class TemplateReads:
     cell_idx: Int[Tensor, "K R"]
     weight: Float[Tensor, "K R"]
     num_outside: Float[Tensor, "K"]
+
+    def window(self, grid: BevGrid) -> CellWindow:
+        """The least rectangle of the grid's cells that holds all reads."""
+        cells = self.cell_idx[self.weight > 0.0]
+        if not len(cells):
+            return CellWindow(0, 1, 0, 1)
+        rows, columns = cells // grid.num_y, cells % grid.num_y
+        return CellWindow(
+            int(rows.min()), int(rows.max()) + 1, int(columns.min()), int(columns.max()) + 1
+        )
+
+    def within(self, window: CellWindow, grid: BevGrid) -> "TemplateReads":
+        """The same reads of a map that has only the cells of a window around them all."""
+        rows = self.cell_idx // grid.num_y - window.x_start
+        columns = self.cell_idx % grid.num_y - window.y_start
+        moved = rows * window.shape[1] + columns
+        return replace(self, cell_idx=torch.where(self.weight > 0.0, moved, 0))
 
 
 def prepare_reads(
@@ -174,7 +191,15 @@ class Planner(nn.Module):
             raise ValueError(
                 f"The cost map is {tuple(cost_map.shape[1:])} cells, its grid {self.grid.shape}."
             )
-        reads = TemplateReads(self.cell_idx, self.weight, self.num_outside)
+        return self.score(cost_map, self.reads)
+
+    @property
+    def reads(self) -> TemplateReads:
+        """Which cells of the grid the templates read."""
+        return TemplateReads(self.cell_idx, self.weight, self.num_outside)
+
+    def score(self, cost_map: Float[Tensor, "B X Y"], reads: TemplateReads) -> Float[Tensor, "B K"]:
+        """Scores of all templates on a map of the cells that `reads` tells of."""
         scores = score_reads(cost_map, reads, self.off_grid_cost)
         return (
             scores * torch.exp(-self.log_temperature) if self.config.learn_temperature else scores

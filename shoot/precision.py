@@ -29,6 +29,7 @@ def fastest_precision(device: torch.device) -> Literal["32-true", "bf16-mixed"]:
     return "bf16-mixed" if gain > WORTH_IT else "32-true"
 
 
+@torch.enable_grad()  # prediction asks, too, and has it off
 def _convolution_s(dtype: torch.dtype) -> float:
     """Seconds for a convolution forward and backward, the best of some."""
     layer = torch.nn.Conv2d(64, 64, 3, padding=1, dtype=dtype)

@@ -4,7 +4,8 @@ import hashlib
 import json
 import math
 import zlib
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -12,12 +13,12 @@ from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.cluster import KMeans
 from sklearn.metrics import pairwise_distances_argmin
 
 from lss_core.errors import DataError
 from lss_core.files import write_atomically
 from lss_core.geometry import FloatArray
+from shoot.clustering import cluster, cluster_stream
 from shoot.trajectories import DT_S
 
 FORMAT_VERSION = 1
@@ -193,20 +194,66 @@ def fit_templates(futures: FloatArray, k: int, seed: int) -> TemplateSet:
     distinct = len(np.unique(np.round(flat, 6), axis=0))
     if distinct < k:
         raise DataError(f"Only {distinct} of the trajectories differ; choose a k of at most that.")
-    means = KMeans(n_clusters=k, n_init=1, random_state=seed).fit(flat)
-    points = means.cluster_centers_.reshape(k, *futures.shape[1:]).astype(np.float32)
+    clusters = cluster(flat, k, seed)
+    points = clusters.centres.reshape(k, *futures.shape[1:]).astype(np.float32)
     fitted = TemplateSet(points=points, dt_s=DT_S, counts=np.zeros(k, dtype=np.int64))
     counts = np.bincount(fitted.nearest(futures), minlength=k)
+    return _template_set(points, counts, seed, clusters.inertia, "K-Means, from coarse to fine")
+
+
+def fit_templates_stream(
+    chunks: Callable[[], Iterable[FloatArray]], k: int, seed: int
+) -> tuple[TemplateSet, FloatArray]:
+    """Mini-batch K-Means centres of futures that need not fit into memory, most frequent first.
+
+    The card says under `inertia_given_up_at_most` by which share the inertia may be greater than
+    with `fit_templates`; see `clustering.cluster_stream`.
+
+    Args:
+        chunks: Begins the stream of [M, T, 2] chunks anew; it is read three times.
+        k: Number of templates.
+        seed: Of samples and choice.
+
+    Returns:
+        The templates; and a random sample [S, T, 2] of the futures that they were not chosen from.
+
+    Raises:
+        DataError: If there are fewer futures than templates.
+    """
+    shape = next((chunk.shape[1:] for chunk in chunks()), None)
+    num_futures = sum(len(chunk) for chunk in chunks())
+    if shape is None or k < 1 or num_futures < k:
+        raise DataError(
+            f"Cannot fit {k} templates to {num_futures} trajectories; "
+            "choose a smaller k or give more scenes."
+        )
+    clusters = cluster_stream(lambda: (c.reshape(len(c), -1) for c in chunks()), k, seed)
+    points = clusters.centres.reshape(k, *shape).astype(np.float32)
+    templates = _template_set(
+        points, clusters.counts, seed, clusters.inertia, "mini-batch K-Means of a stream"
+    )
+    card = templates.card | {"inertia_given_up_at_most": clusters.given_up}
+    return replace(templates, card=card), clusters.sample.reshape(-1, *shape)
+
+
+def _template_set(
+    points: NDArray[np.float32],
+    counts: NDArray[np.int64],
+    seed: int,
+    inertia_m2: float,
+    method: str,
+) -> TemplateSet:
     order = np.argsort(-counts, kind="stable")
     return TemplateSet(
         points=points[order],
         dt_s=DT_S,
         counts=counts[order],
         card={
-            "k": k,
+            "k": len(points),
             "seed": seed,
-            "num_futures": len(futures),
-            "inertia_m2": float(means.inertia_),
+            "method": method,
+            "num_futures": int(counts.sum()),
+            "inertia_m2": inertia_m2,
             "libraries": {name: version(name) for name in ("numpy", "scikit-learn")},
         },
     )

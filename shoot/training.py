@@ -19,6 +19,7 @@ from torch.optim import Optimizer
 from lss_core.batch import Batch
 from lss_core.errors import DataError
 from lss_core.model import CameraModel
+from shoot.allocation import keep_freed_memory
 from shoot.config import OptimConfig, Precision, TrainConfig
 from shoot.datamodule import PlanBatch, PlanningData, check_shares
 from shoot.loop_callbacks import EndTogether, RoundProgress, TrueStep
@@ -159,6 +160,7 @@ def train(config: TrainConfig) -> Path:
     Raises:
         DataError: If data, templates or the run folder are not as they should be.
     """
+    keep_freed_memory()
     check_shares(config.optim.batch_size, math.prod(_processes(config)))
     templates = TemplateSet.load(config.templates)
     run = RunFolder(Path(config.out))

@@ -159,6 +159,23 @@ def test_reduced_decoding_shows_nearly_the_same(tmp_path: Path, fraction: int) -
     assert np.abs(reduced - whole).max() < 40.0
 
 
+@pytest.mark.parametrize(
+    ("left", "top", "height", "width"),
+    [(0, 0, 60, 100), (13, 7, 40, 70), (-9, 30, 50, 120), (60, -5, 20, 60), (140, 0, 30, 20)],
+)
+def test_cutting_before_resizing_is_cutting_after_it(
+    tmp_path: Path, left: int, top: int, height: int, width: int
+) -> None:
+    noise = np.random.default_rng(0).integers(0, 256, (*RAW_HW, 3), dtype=np.uint8)
+    Image.fromarray(noise).save(tmp_path / "p.png")
+    resized = Image.fromarray(noise).resize((107, 60), Image.Resampling.BILINEAR)
+    expected = np.asarray(resized.crop((left, top, left + width, top + height)))
+    pixel_map = a_map((60, 107), left, top, image_hw=(height, width))
+    cut = load_image(tmp_path / "p.png", pixel_map)
+    assert cut.shape == (height, width, 3)
+    assert np.abs(cut.astype(int) - expected).max() <= 1
+
+
 def test_grey_images_become_rgb(tmp_path: Path) -> None:
     Image.new("L", (320, 180), 77).save(tmp_path / "grey.jpg")
     assert (load_image(tmp_path / "grey.jpg", MAPS["smaller"]) == 77).all()

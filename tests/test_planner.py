@@ -285,3 +285,31 @@ def test_map_of_another_size_is_refused(shape: tuple[int, int]) -> None:
         score_templates(torch.zeros(1, *shape), templates, SMALL)
     with pytest.raises(ValueError, match="cells"):
         Planner(templates, SMALL)(torch.zeros(1, *shape))
+
+
+@pytest.mark.parametrize("off_grid", ["learned", "border", "zero"])
+@pytest.mark.parametrize("interpolation", ["bilinear", "nearest"])
+def test_a_window_around_the_reads_scores_the_same(
+    interpolation: Interpolation, off_grid: OffGrid
+) -> None:
+    # All waypoints ahead and to the left, some beyond the grid's far border.
+    ahead = BevGrid(x_min_m=2.0, x_max_m=11.0, y_min_m=0.5, y_max_m=3.0, cell_m=0.5)
+    planner = Planner(random_templates(ahead), WIDE, PlannerConfig(interpolation, off_grid))
+    with torch.no_grad():
+        planner.off_grid_cost.fill_(0.7)
+    window = planner.reads.window(WIDE)
+    assert window.x_start >= 9
+    assert window.x_stop == 24
+    assert window.y_start >= 10
+    assert window.y_stop <= 17
+    cost_map = random_map(WIDE)
+    part = cost_map[:, window.x_start : window.x_stop, window.y_start : window.y_stop]
+    scores = planner.score(part, planner.reads.within(window, WIDE))
+    torch.testing.assert_close(scores, planner(cost_map))
+
+
+def test_templates_that_read_nothing_have_a_window_all_the_same() -> None:
+    planner = Planner(torch.full((3, 20, 2), 500.0), WIDE)
+    window = planner.reads.window(WIDE)
+    scores = planner.score(torch.ones(1, *window.shape), planner.reads.within(window, WIDE))
+    torch.testing.assert_close(scores, planner(torch.ones(1, *WIDE.shape)))

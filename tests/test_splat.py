@@ -156,8 +156,7 @@ def test_nothing_of_the_size_of_the_lifted_features_is_built() -> None:
 def test_points_of_a_cell_keep_their_order() -> None:
     points = torch.zeros(2, 2, 1, 3, 3)  # 2 cameras, 2 depths, 1 x 3 pixels, all in one cell
     index = build_splat_index(points, GRID)
-    assert index.depth_idx.tolist() == list(range(12))
-    assert index.pixel_idx.tolist() == [0, 1, 2, 0, 1, 2, 3, 4, 5, 3, 4, 5]
+    assert index.point_idx.tolist() == list(range(12))
     cell = 6 * 8 + 4
     assert index.cell_starts.tolist() == [0] * (cell + 1) + [12] * (16 * 8 - cell - 1)
 

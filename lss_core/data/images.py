@@ -108,17 +108,40 @@ def load_image(path: Path, pixel_map: PixelMap) -> NDArray[np.uint8]:
     resized_h, resized_w = pixel_map.resized_hw
     image.draft("RGB", (resized_w, resized_h))
     reduced = round(raw_w / image.size[0])  # a JPEG decodes at 1/1, 1/2, 1/4 or 1/8
+    # Only what is kept is resized, on the same raster as the whole image would be.
+    kept = _kept(pixel_map)
+    across, down = raw_w / reduced, raw_h / reduced
+    box = (
+        kept[0] / resized_w * across,
+        kept[1] / resized_h * down,
+        kept[2] / resized_w * across,
+        kept[3] / resized_h * down,
+    )
     try:
-        image = image.convert("RGB").resize(
-            (resized_w, resized_h), _FILTER, box=(0, 0, raw_w / reduced, raw_h / reduced)
-        )
+        image = image if image.mode == "RGB" else image.convert("RGB")
+        image = image.resize((kept[2] - kept[0], kept[3] - kept[1]), _FILTER, box=box)
     except (OSError, SyntaxError, ValueError) as error:  # Pillow's names for broken chunks
         raise DataError(f"The image '{path}' is damaged: {error}.") from error
     height, width = pixel_map.image_hw
-    left, top = pixel_map.left_px, pixel_map.top_px
-    image = image.crop((left, top, left + width, top + height))
+    left, top = pixel_map.left_px - kept[0], pixel_map.top_px - kept[1]
+    if (left, top, width, height) != (0, 0, *image.size):  # pads
+        image = image.crop((left, top, left + width, top + height))
     if pixel_map.flip:
         image = image.transpose(Image.Transpose.FLIP_LEFT_RIGHT)
     if pixel_map.rotate_rad:
         image = image.rotate(math.degrees(pixel_map.rotate_rad), _FILTER)
     return np.asarray(image)
+
+
+def _kept(pixel_map: PixelMap) -> tuple[int, int, int, int]:
+    """Left, upper, right and lower border of what the crop keeps of the resized image."""
+    (height, width), (resized_h, resized_w) = pixel_map.image_hw, pixel_map.resized_hw
+    left, right = (
+        min(max(side, 0), resized_w) for side in (pixel_map.left_px, pixel_map.left_px + width)
+    )
+    upper, lower = (
+        min(max(side, 0), resized_h) for side in (pixel_map.top_px, pixel_map.top_px + height)
+    )
+    # A crop beside the image keeps nothing of it; one pixel stands for it and falls to the padding.
+    left, upper = min(left, resized_w - 1), min(upper, resized_h - 1)
+    return left, upper, max(right, left + 1), max(lower, upper + 1)

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import tyro
 
+from shoot.allocation import keep_freed_memory
 from shoot.cli.app import run
 from shoot.cli.render import OtherData
 from shoot.comparison import compare
@@ -23,6 +24,8 @@ class EvaluateConfig:
         split: Scenes to score on.
         checkpoint: `last`, or `best`: chosen by top-10 on the run's validation split.
         templates: Template file, if not the run's own copy; refused if it holds other templates.
+        fast: Predict with what this machine is fastest in: compiled, in bfloat16 where it has units
+            for it, the cost map only where templates lie. The same to rounding.
         data: Data other than the run's own.
     """
 
@@ -31,6 +34,7 @@ class EvaluateConfig:
     split: str = "val"
     checkpoint: str = "last"
     templates: str | None = None
+    fast: bool = False
     data: OtherData = field(default_factory=OtherData)
 
 
@@ -48,7 +52,8 @@ def evaluate(config: EvaluateConfig) -> Report:
         config.templates,
         config.data.skip_missing,
     )
-    report = compare(trained, config.split)
+    keep_freed_memory()
+    report = compare(trained, config.split, fast=config.fast)
     print(format_table(report))
     report.save(Path(config.out))
     print(f"Report: {config.out}")

@@ -1,0 +1,109 @@
+"""Times what users get against straightforward code, in turn, and says whether all ratios hold.
+
+    python scripts/benchmark.py [--rows splat plan step loader index fit] [--growth]
+
+Exit status 0 only if every ratio and every check holds. Results of an earlier call in the same
+folder (worlds, runs, tables) are used again.
+"""
+
+import json
+import logging
+import sys
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import tyro
+from benchmarks.machine import Machine, measure
+from benchmarks.rows import ROWS, Row, Setting
+
+from lss_core.files import write_atomically
+
+
+@dataclass(frozen=True)
+class BenchmarkConfig:
+    """Time the fast ways against the plain ones.
+
+    Attributes:
+        rows: Groups of rows.
+        folder: Where worlds, runs and tables for it are made.
+        repeats: How often each pair is timed.
+        images: Data root with 1600 x 900 images to load; a synthetic scene's if not given.
+        images_version: Its version.
+        out: JSON to write; `benchmark.json` in the folder if not given.
+    """
+
+    rows: tuple[str, ...] = tuple(ROWS)
+    folder: Path = Path("runs/benchmark")
+    repeats: int = 7
+    images: Path | None = None
+    images_version: str = "v1.0-mini"
+    out: Path | None = None
+
+
+def benchmark(config: BenchmarkConfig) -> bool:
+    """Run the rows, print the table, write the JSON; True if everything holds."""
+    config.folder.mkdir(parents=True, exist_ok=True)
+    machine = measure()
+    setting = Setting(config.folder, machine, config.repeats, config.images, config.images_version)
+    rows: list[Row] = []
+    for name in config.rows:
+        started = time.monotonic()
+        for row in ROWS[name](setting):
+            rows.append(row)
+            print(f"{row.name}: {row.pair.ratio.median:.1f} times", file=sys.stderr)
+        print(f"{name}: {time.monotonic() - started:.0f} s", file=sys.stderr)
+    print(format_machine(machine))
+    print(format_table(rows))
+    found = {
+        "machine": asdict(machine),
+        "rows": [asdict(row) | {"holds": row.holds} for row in rows],
+    }
+    with write_atomically(config.out or config.folder / "benchmark.json") as stream:
+        stream.write((json.dumps(found, indent=1) + "\n").encode())
+    return all(row.holds for row in rows)
+
+
+def format_machine(machine: Machine) -> str:
+    """Its name and limits, a line."""
+    return (
+        f"{machine.cores} cores of {machine.name}; {machine.versions}; float32 "
+        f"{machine.float32_flops / 1e12:.2f} and bfloat16 {machine.bfloat16_flops / 1e12:.2f} "
+        f"TFLOP/s in matrix products, {machine.copied_bytes_s / 1e9:.1f} GB/s copied\n"
+    )
+
+
+def format_table(rows: list[Row]) -> str:
+    """The table in Markdown, and what was checked below it."""
+    lines = [
+        "| what | plain, s | fast, s | ratio | needed | plain, MB | fast, MB | floor, s | |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    for row in rows:
+        pair = row.pair
+        plain, fast = (_time(s.median, s.low, s.high) for s in (pair.plain_s, pair.fast_s))
+        ratio = f"**{pair.ratio.median:.1f}** [{pair.ratio.low:.1f}, {pair.ratio.high:.1f}]"
+        floor = (
+            f"{row.floor_s:.2g} ({100 * row.floor_s / pair.fast_s.median:.0f} %)"
+            if row.floor_s
+            else "-"
+        )
+        verdict = "holds" if row.holds else "FAILS"
+        lines.append(
+            f"| {row.name} | {plain} | {fast} | {ratio} | {row.required:g} | {pair.plain_mb:.0f} | "
+            f"{pair.fast_mb:.0f} | {floor} | {verdict} |"
+        )
+    lines.append("")
+    for row in rows:
+        lines.append(f"- {row.name}: {row.plain} against {row.fast}.")
+        lines += [f"  - {check.what}{'' if check.holds else ': FAILS'}" for check in row.checks]
+    return "\n".join(lines)
+
+
+def _time(median: float, low: float, high: float) -> str:
+    return f"{median:.3g} [{low:.3g}, {high:.3g}]"
+
+
+if __name__ == "__main__":
+    logging.basicConfig(level=logging.WARNING)
+    sys.exit(0 if benchmark(tyro.cli(BenchmarkConfig, description=__doc__)) else 1)

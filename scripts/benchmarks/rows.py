@@ -1,0 +1,274 @@
+"""The table's rows: what is timed against what, and what must hold."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from benchmarks import fitting, learning, lift_splat, loading, planning
+from benchmarks.machine import Machine
+from benchmarks.measuring import Pair, Side, Spread, compare
+from shoot.allocation import keep_freed_memory
+from shoot.precision import fastest_precision
+
+
+@dataclass(frozen=True)
+class Check:
+    """Something beside the ratio that must hold.
+
+    Attributes:
+        what: In words, with the number that was found.
+        holds: Whether it does.
+    """
+
+    what: str
+    holds: bool
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row of the table.
+
+    Attributes:
+        name: What is done.
+        plain: What the plain side is.
+        fast: What the fast side is.
+        pair: Times, their ratio and memory.
+        required: The least ratio.
+        floor_s: Least time the fast side could take on this machine, where that can be stated.
+        checks: What else must hold.
+    """
+
+    name: str
+    plain: str
+    fast: str
+    pair: Pair
+    required: float
+    floor_s: float | None = None
+    checks: tuple[Check, ...] = field(default=())
+
+    @property
+    def holds(self) -> bool:
+        """Whether ratio and checks do."""
+        return self.pair.ratio.median >= self.required and all(c.holds for c in self.checks)
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What the rows are given.
+
+    Attributes:
+        folder: For worlds, runs and tables; what lies there is used again.
+        machine: Its limits.
+        repeats: Of every pair.
+        images: Data root with 1600 x 900 images; None: made.
+        images_version: Its version.
+    """
+
+    folder: Path
+    machine: Machine
+    repeats: int
+    images: Path | None
+    images_version: str
+
+
+def splat_rows(setting: Setting) -> Iterator[Row]:
+    """Lift and splat, batch 4."""
+    plain = "cumulative sum, analytic gradient, float32"
+    bytes_moved = _splat_bytes()
+    once = bytes_moved / setting.machine.copied_bytes_s
+    yield Row(
+        "lift and splat, forward and backward, new calibration",
+        plain,
+        "embedding bag, index built anew",
+        compare(
+            lift_splat.plain_training,
+            partial(_keeping, lift_splat.fast_training_new),
+            setting.repeats,
+            fast_calls=3,
+        ),
+        8.0,
+        3 * once,
+    )
+    pair = compare(
+        lift_splat.plain_training,
+        partial(_keeping, lift_splat.fast_training_static),
+        setting.repeats,
+        fast_calls=3,
+    )
+    share = pair.fast_mb / pair.plain_mb
+    yield Row(
+        "lift and splat, forward and backward, calibration unchanged",
+        plain,
+        "embedding bag",
+        pair,
+        8.0,
+        3 * once,
+        (Check(f"memory {share:.2f} of the plain side's (at most 0.25)", share <= 0.25),),
+    )
+    sides = lift_splat.plain_forward()(), lift_splat.fast_forward_static()()
+    error = float((sides[0] - sides[1]).abs().max() / sides[0].abs().max())
+    yield Row(
+        "lift and splat, forward, calibration unchanged",
+        plain,
+        "embedding bag",
+        compare(
+            lift_splat.plain_forward,
+            partial(_keeping, lift_splat.fast_forward_static),
+            setting.repeats,
+            fast_calls=5,
+        ),
+        15.0,
+        once,
+        (Check(f"largest difference {error:.0e} of the largest value", error < 1e-4),),
+    )
+
+
+def _splat_bytes() -> int:
+    """Bytes that must be moved to splat a batch: features once, points once, the map once."""
+    context, depth_prob = lift_splat.features()
+    cells = lift_splat.NUM_SAMPLES * 200 * 200 * context.shape[2] * 4
+    return context.nbytes + 2 * depth_prob.nbytes + cells
+
+
+def plan_rows(setting: Setting) -> Iterator[Row]:
+    """Images of one sample to probabilities."""
+    data = setting.folder / "learning"
+    learning.make_data(data)
+    precision = fastest_precision(torch.device("cpu"))
+    paper = learning.agreement(learning.train_paper_size(data, precision), 60)
+    learning.loss_after(data, precision, 0)
+    small = learning.agreement(data / f"{precision}-0", 200)
+    checks = [
+        Check(
+            f"{name}: {100 * found.overlap:.1f} % of the ten most probable templates are the same "
+            f"(at least 99), a probability changes by at most {found.largest_change:.4f}, "
+            f"{found.num_samples} samples",
+            found.overlap >= 0.99,
+        )
+        for name, found in (("this planner after 40 steps", paper), ("demo preset", small))
+    ]
+    yield Row(
+        "images to probabilities, one sample",
+        "float32, contiguous, cumulative sum",
+        "FastPlanner",
+        compare(planning.plain_plan, planning.fast_plan, setting.repeats, fast_calls=3),
+        7.0,
+        planning.plan_flop() / setting.machine.best_flops,
+        tuple(checks),
+    )
+
+
+def step_rows(setting: Setting) -> Iterator[Row]:
+    """A training step, batch 4."""
+    data = setting.folder / "learning"
+    learning.make_data(data)
+    fast = fastest_precision(torch.device("cpu"))
+    plain_losses = [learning.loss_after(data, "32-true", seed) for seed in learning.SEEDS]
+    fast_losses = [learning.loss_after(data, fast, seed) for seed in learning.SEEDS]
+    spread = max(plain_losses) - min(plain_losses)
+    apart = abs(float(np.mean(fast_losses) - np.mean(plain_losses)))
+    losses = [", ".join(f"{loss:.3f}" for loss in side) for side in (plain_losses, fast_losses)]
+    yield Row(
+        "training step, batch 4",
+        "float32, contiguous, cumulative sum",
+        f"as shoot-train does it ({fast})",
+        compare(planning.plain_step, planning.fast_step, max(3, setting.repeats // 2)),
+        3.0,
+        planning.step_flop() / setting.machine.best_flops,
+        (
+            Check(
+                f"validation loss after {learning.STEPS} steps of the demo preset, three seeds: "
+                f"float32 {losses[0]}; {fast} {losses[1]}; means {apart:.3f} apart (at most the "
+                f"spread of float32, {spread:.3f})",
+                apart <= spread,
+            ),
+        ),
+    )
+
+
+def loader_rows(setting: Setting) -> Iterator[Row]:
+    """One sample's images, on one core."""
+    root = setting.images or loading.make_images(setting.folder / "images")
+    version = setting.images_version if setting.images else loading.VERSION
+    levels = loading.difference(root, version)
+    mean, high = float(levels.mean()), float(np.quantile(levels, 0.999))
+    yield Row(
+        "six 1600 x 900 JPEGs to a network's input, one core",
+        "decoded and resized whole, float32",
+        "decoded at reduced scale, resized where kept",
+        compare(
+            partial(loading.plain_load, root, version),
+            partial(loading.fast_load, root, version),
+            4 * setting.repeats,
+        ),
+        4.0,
+        None,
+        (
+            Check(
+                f"pixels differ by {mean:.2f} of 255 levels on average (at most 2), 99.9 % by at "
+                f"most {high:.0f}",
+                mean <= 2.0,
+            ),
+        ),
+    )
+
+
+def fit_rows(setting: Setting) -> Iterator[Row]:
+    """1000 templates of 200,000 futures."""
+    plain, fast, stream = (
+        Side(prepare) for prepare in (fitting.plain_fit, fitting.fast_fit, fitting.stream_fit)
+    )
+    try:
+        times: list[tuple[float, float]] = []
+        for _ in range(max(2, setting.repeats // 3)):
+            times.append((plain.seconds(), fast.seconds()))
+        stream_s = stream.seconds()
+        inertia = [side.result().inertia for side in (plain, fast, stream)]
+        given_up = stream.result().given_up
+        pair = Pair(
+            Spread.of([p for p, _ in times]),
+            Spread.of([f for _, f in times]),
+            Spread.of([p / f for p, f in times]),
+            plain.peak_mb(),
+            fast.peak_mb(),
+        )
+    finally:
+        for side in (plain, fast, stream):
+            side.close()
+    more, more_stream = inertia[1] / inertia[0] - 1.0, inertia[2] / inertia[0] - 1.0
+    yield Row(
+        "1000 templates of 200,000 futures",
+        "scikit-learn's KMeans as it comes",
+        "from coarse to fine",
+        pair,
+        3.0,
+        None,
+        (
+            Check(f"inertia {100 * more:+.2f} % (at most +1)", more <= 0.01),
+            Check(
+                f"as a stream {stream_s:.1f} s, inertia {100 * more_stream:+.1f} %, which it puts "
+                f"at no more than {100 * given_up:+.1f} %",
+                more_stream <= given_up,
+            ),
+        ),
+    )
+
+
+def _keeping(prepare: Callable[[], Callable[[], Any]]) -> Callable[[], Any]:
+    """A side whose process keeps freed memory, as training does."""
+    keep_freed_memory()
+    return prepare()
+
+
+ROWS: dict[str, Callable[[Setting], Iterator[Row]]] = {
+    "splat": splat_rows,
+    "plan": plan_rows,
+    "step": step_rows,
+    "loader": loader_rows,
+    "fit": fit_rows,
+}

@@ -1,0 +1,113 @@
+"""The fast planner: the slow one's probabilities, compiled or not."""
+
+import json
+import logging
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from world_fixture import TinyRun, command
+
+from lss_core.batch import Batch
+from shoot import fast
+from shoot.datamodule import load_split
+from shoot.fast import FastPlanner
+from shoot.prediction import TrainedRun, batches, open_run
+
+
+@pytest.fixture
+def trained(tiny_run: TinyRun) -> TrainedRun:
+    run = open_run(tiny_run.folder)
+    with torch.no_grad():
+        run.module.model.bev_encoder.head.weight *= 100.0  # a few steps leave scores almost equal
+    return run
+
+
+def _sensors(run: TrainedRun) -> Batch:
+    split = load_split(run.config.data, "val", run.templates)
+    return next(iter(batches(run, split, np.arange(3)))).sensors
+
+
+def _in_float32(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fast, "fastest_precision", lambda _: "32-true")
+
+
+def test_uncompiled_float32_gives_the_same_scores(
+    trained: TrainedRun, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _in_float32(monkeypatch)
+    sensors = _sensors(trained)
+    with torch.no_grad():
+        expected = trained.module(sensors)
+    assert expected.std() > 0.1
+    scores = FastPlanner(trained.module, compiled=False)(sensors)
+    torch.testing.assert_close(scores, expected, rtol=1e-4, atol=1e-4)
+
+
+def test_a_masked_camera_plays_no_part(
+    trained: TrainedRun, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _in_float32(monkeypatch)
+    sensors = _sensors(trained)
+    mask = sensors.camera_mask.clone()
+    mask[1, 2] = False
+    images = sensors.images.clone()
+    images[1, 2] = 255
+    masked = replace(sensors, camera_mask=mask, images=images)
+    with torch.no_grad():
+        expected = trained.module(masked)
+    scores = FastPlanner(trained.module, compiled=False)(masked)
+    torch.testing.assert_close(scores, expected, rtol=1e-4, atol=1e-4)
+
+
+@pytest.mark.slow
+def test_compiled_gives_the_same_scores_and_says_what_it_cost(
+    trained: TrainedRun, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    _in_float32(monkeypatch)
+    sensors = _sensors(trained)
+    with torch.no_grad():
+        expected = trained.module(sensors)
+    planner = FastPlanner(trained.module)
+    with caplog.at_level(logging.INFO):
+        scores = planner(sensors)
+    assert planner.compiled
+    assert "Compiled in" in caplog.text
+    torch.testing.assert_close(scores, expected, rtol=1e-4, atol=1e-4)
+
+
+def test_without_a_compiler_it_runs_and_says_so(
+    trained: TrainedRun,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    tmp_path: Path,
+) -> None:
+    _in_float32(monkeypatch)
+    torch._dynamo.reset()
+    monkeypatch.setenv("TORCHINDUCTOR_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr("torch._inductor.config.cpp.cxx", ("no-such-compiler",))
+    monkeypatch.setattr("torch._inductor.config.fx_graph_cache", False)
+    sensors = _sensors(trained)
+    with torch.no_grad():
+        expected = trained.module(sensors)
+    planner = FastPlanner(trained.module)
+    scores = planner(sensors)
+    assert not planner.compiled
+    assert "runs uncompiled" in caplog.text
+    torch.testing.assert_close(scores, expected, rtol=1e-4, atol=1e-4)
+
+
+@pytest.mark.slow
+def test_evaluate_fast(tiny_run: TinyRun, tmp_path: Path) -> None:
+    reports = []
+    for flags in ([], ["--fast"]):
+        out = tmp_path / f"{len(reports)}.json"
+        said = command("shoot-evaluate", tiny_run.folder, "--out", out, *flags)
+        assert said.status == 0, said.err
+        reports.append(json.loads(out.read_text()))
+    slow, fast_one = (report["methods"]["model"]["nll"]["value"] for report in reports)
+    assert fast_one == pytest.approx(slow, abs=1e-3)
+    # One that knows no network is the same in both.
+    assert reports[0]["methods"]["prior"] == reports[1]["methods"]["prior"]
