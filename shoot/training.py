@@ -21,7 +21,7 @@ from lss_core.errors import DataError
 from lss_core.model import CameraModel
 from shoot.config import OptimConfig, Precision, TrainConfig
 from shoot.datamodule import PlanBatch, PlanningData, check_shares
-from shoot.loop_callbacks import EndTogether, RoundProgress, TrueStep
+from shoot.loop_callbacks import EndTogether, JointStatistics, RoundProgress, TrueStep
 from shoot.metrics import PlanningMetrics
 from shoot.metrics_file import MetricsFile
 from shoot.planner import Planner
@@ -75,7 +75,7 @@ class PlanningModule(pl.LightningModule):
 
     def on_validation_start(self) -> None:
         """Give all processes the same batch statistics before they are used."""
-        if dist.is_available() and dist.is_initialized():
+        if dist.is_initialized() and not self.config.sync_batchnorm:
             for buffer in self.model.buffers():
                 if buffer.is_floating_point():
                     dist.all_reduce(buffer)
@@ -189,8 +189,8 @@ def make_trainer(config: TrainConfig, run: RunFolder, resume: bool = False) -> p
         raise ValueError("Settle the precision first, as `train` does.")
     devices, num_nodes = _processes(config)
     many = devices > 1 or num_nodes > 1 or dist.is_torchelastic_launched()
-    # Batch statistics are averaged before validation instead of at every forward pass: processes
-    # may have different numbers of validation batches.
+    # Buffers are the same everywhere, or averaged before validation: no need to send them at every
+    # forward pass, of which validation may have different numbers.
     strategy = DDPStrategy(broadcast_buffers=False) if many else "auto"
     return pl.Trainer(
         default_root_dir=run.folder,
@@ -199,6 +199,7 @@ def make_trainer(config: TrainConfig, run: RunFolder, resume: bool = False) -> p
         num_nodes=num_nodes,
         strategy=strategy,
         precision=config.precision,
+        plugins=JointStatistics() if many and config.sync_batchnorm else None,
         max_steps=config.optim.steps,
         max_epochs=-1,  # not counted: after a resumption Lightning is one too many
         num_sanity_val_steps=0,
