@@ -54,9 +54,9 @@ class JointBatchNorm2d(nn.BatchNorm2d):
         self.weight, self.bias = original.weight, original.bias
         self.running_mean, self.running_var = original.running_mean, original.running_var
         self.num_batches_tracked = original.num_batches_tracked
-        has_more = isinstance(original, BatchNormAct2d)
-        self.drop: nn.Module = original.drop if has_more else nn.Identity()
-        self.act: nn.Module = original.act if has_more else nn.Identity()
+        self.rest = nn.Sequential()
+        if isinstance(original, BatchNormAct2d):
+            self.rest.extend([original.drop, original.act])
         self.train(original.training)
 
     def forward(self, input: Float[Tensor, "B C H W"]) -> Float[Tensor, "B C H W"]:
@@ -65,7 +65,7 @@ class JointBatchNorm2d(nn.BatchNorm2d):
             normalised = self._normalise(input)
         else:
             normalised = super().forward(input)
-        output: Tensor = self.act(self.drop(normalised))
+        output: Tensor = self.rest(normalised)
         return output
 
     def _normalise(self, input: Tensor) -> Tensor:
@@ -139,15 +139,17 @@ class _NormaliseJointly(torch.autograd.Function):
     def backward(ctx: Any, *grad_outputs: Any) -> Any:
         (grad,) = grad_outputs
         x, weight, mean, variance, count = ctx.saved_tensors
-        # First as if mean and variance were constants ...
-        grad_x, grad_weight, grad_bias = torch.ops.aten.native_batch_norm_backward(
-            grad, x, weight, mean, variance, None, None, False, ctx.eps, [True, True, True]
+        deviation_inv = (variance + ctx.eps).rsqrt()
+        _, grad_weight, grad_bias = torch.ops.aten.native_batch_norm_backward(
+            *(grad, x, weight, None, None, mean, deviation_inv, True, ctx.eps, [False, True, True])
         )
-        # ... then what every sample of every process changes in them. With z for the normalised x,
-        # this is scale * (z * mean of (z * grad) + mean of grad): once more a batch norm of x.
         sums = torch.cat([grad_weight, grad_bias])
         dist.all_reduce(sums)
         along_z, along_one = (sums / count).chunk(2)
-        scale = -weight * (variance + ctx.eps).rsqrt()
-        grad_x += F.batch_norm(x, mean, variance, scale * along_z, scale * along_one, eps=ctx.eps)
+        # With z for the normalised x: scale * (grad - z * mean of (z * grad) - mean of grad). Both
+        # terms are batch norms with constants, whose kernel is fast in all types and layouts.
+        scale = weight * deviation_inv
+        zero, one = torch.zeros_like(scale), torch.ones_like(scale)
+        grad_x = F.batch_norm(grad, zero, one, scale, zero, eps=0.0)
+        grad_x += F.batch_norm(x, mean, variance, -scale * along_z, -scale * along_one, eps=ctx.eps)
         return grad_x, grad_weight, grad_bias, None, None, None, None
