@@ -25,7 +25,7 @@ from shoot.loop_callbacks import EndTogether, JointStatistics, RoundProgress, Tr
 from shoot.metrics import PlanningMetrics
 from shoot.metrics_file import MetricsFile
 from shoot.planner import Planner
-from shoot.precision import fastest_precision
+from shoot.precision import agreed_precision, fastest_precision
 from shoot.run_folder import LAST, RunFolder
 from shoot.templates import TemplateSet
 
@@ -230,12 +230,16 @@ def make_trainer(config: TrainConfig, run: RunFolder, resume: bool = False) -> p
 
 
 def _settle_precision(config: TrainConfig, run: RunFolder) -> Precision:
-    """What a run was begun with, if it goes on; else what is fastest here."""
-    begun_with = run.config().precision if config.resume and run.config_file.exists() else "auto"
+    """What a run was begun with, if it goes on; else what is fastest for its first process."""
+    with_torchrun = dist.is_torchelastic_launched()
+    started_by_first = int(os.environ.get("LOCAL_RANK", "0")) > 0 and not with_torchrun
+    decided = (config.resume or started_by_first) and run.config_file.exists()
+    begun_with = run.config().precision if decided else "auto"
     if begun_with != "auto":
         return begun_with
     on_gpu = config.accelerator in ("auto", "gpu", "cuda") and torch.cuda.is_available()
-    return fastest_precision(torch.device("cuda" if on_gpu else "cpu"))
+    device = torch.device("cuda" if on_gpu else "cpu")
+    return agreed_precision(device) if with_torchrun else fastest_precision(device)
 
 
 def _processes(config: TrainConfig) -> tuple[int, int]:

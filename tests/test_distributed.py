@@ -17,6 +17,7 @@ import pytorch_lightning as pl
 import torch
 from world_fixture import TinyRun, command, start_beside, train_flags
 
+from shoot import precision
 from shoot.datamodule import PlanningData
 from shoot.run_folder import RunFolder
 from shoot.training import PlanningModule, make_trainer
@@ -92,6 +93,22 @@ def run_in(processes: int, function: Any, run_folder: Path, out: Path) -> None:
         process.kill()
         assert not hangs, "hangs: " + (out / f"log{rank}").read_text()
         assert process.exitcode == 0, (out / f"log{rank}").read_text()
+
+
+def choose_precision(run_folder: Path, out: Path) -> None:
+    """Write what a process trains in that finds `RANK`'s choice the fastest."""
+    rank = int(os.environ["RANK"])
+    precision.fastest_precision = lambda device: ("bf16-mixed", "32-true")[rank]
+    chosen = precision.agreed_precision(torch.device("cpu"))
+    torch.distributed.init_process_group("gloo")  # as Lightning would: it finds the same meeting
+    torch.distributed.barrier()
+    (out / f"precision{rank}").write_text(chosen)
+
+
+def test_all_processes_train_in_the_first_ones_precision(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    run_in(2, choose_precision, tmp_path, out)
+    assert [(out / f"precision{rank}").read_text() for rank in range(2)] == ["bf16-mixed"] * 2
 
 
 def test_validation_metrics_do_not_depend_on_processes(tiny_run: TinyRun, tmp_path: Path) -> None:
