@@ -177,10 +177,13 @@ def test_variance_survives_a_mean_far_from_zero() -> None:
     torch.testing.assert_close(variance.double(), exact, rtol=1e-4, atol=0.0)
 
 
+def make_net() -> nn.Module:
+    norms = nn.Sequential(make_layer("timm"), make_layer("plain"))
+    return nn.Sequential(nn.Conv2d(3, CHANNELS, 1), norms).eval()
+
+
 def test_conversion_keeps_names_values_and_what_follows_a_norm() -> None:
-    net = nn.Sequential(
-        nn.Conv2d(3, CHANNELS, 1), nn.Sequential(make_layer("timm"), make_layer("plain"))
-    ).eval()
+    net = make_net()
     x = torch.randn(2, 3, 4, 4, generator=torch.Generator().manual_seed(0))
     before, output = net.state_dict(), net(x)
     parameters = list(net.parameters())
@@ -190,3 +193,14 @@ def test_conversion_keeps_names_values_and_what_follows_a_norm() -> None:
     assert net.state_dict().keys() == before.keys()
     assert torch.equal(net(x), output)
     assert share_statistics(net, "cpu")[1][0] is net[1][0]  # twice is once
+
+
+def test_on_gpus_the_norms_are_those_of_pytorch() -> None:
+    net = make_net()
+    before = net.state_dict()
+    parameters = list(net.parameters())
+    net = share_statistics(net, "cuda")  # moved there only afterwards
+    assert sum(isinstance(part, nn.SyncBatchNorm) for part in net.modules()) == 2
+    assert not any(isinstance(part, nn.BatchNorm2d) for part in net.modules())
+    assert all(a is b for a, b in zip(net.parameters(), parameters, strict=True))
+    assert net.state_dict().keys() == before.keys()
