@@ -62,6 +62,8 @@ class TrainConfig:
         accelerator: `cpu`, `gpu`, `mps`, or what is there (`auto`).
         devices: Processes on this machine (under torchrun, its own count wins).
         num_nodes: Machines.
+        sync_batchnorm: Batch statistics over all processes, so that any number of them trains as
+            one would; without, each normalises by its own share of the batch, which is faster.
         precision: Of the convolutions; geometry, splat and scores stay float32. `auto`: bfloat16
             where this machine is clearly faster in it, tried at the start; the run keeps it.
         seed: Of everything random.
@@ -85,6 +87,7 @@ class TrainConfig:
     accelerator: str = "auto"
     devices: int = 1
     num_nodes: int = 1
+    sync_batchnorm: bool = True
     precision: Precision | Literal["auto"] = "32-true"
     seed: int = 0
     resume: bool = False

@@ -1,13 +1,16 @@
-"""What training adds to Lightning's loop: plain progress, true steps, one end for all processes."""
+"""What training adds to Lightning's loop: progress, true steps, several processes as one."""
 
 import logging
 import subprocess
 
 import pytorch_lightning as pl
 from pytorch_lightning.callbacks import Callback, RichProgressBar
+from pytorch_lightning.plugins import LayerSync
 from pytorch_lightning.strategies.launchers import _SubprocessScriptLauncher
+from torch import nn
 
 from lss_core.errors import DataError
+from lss_core.sync_batchnorm import share_statistics
 
 logger = logging.getLogger(__name__)
 
@@ -47,6 +50,19 @@ class TrueStep(Callback):
     ) -> None:
         """Set the number that loggers are given."""
         trainer.fit_loop.epoch_loop._batches_that_stepped = trainer.global_step
+
+
+class JointStatistics(LayerSync):
+    """Batch norms that see the samples of all processes, on CPUs as well as on GPUs."""
+
+    def apply(self, model: nn.Module) -> nn.Module:
+        """Convert them; Lightning asks for it only where there are several processes."""
+        assert isinstance(model, pl.LightningModule)
+        return share_statistics(model, model.trainer.strategy.root_device)
+
+    def revert(self, model: nn.Module) -> nn.Module:
+        """Leave them: without other processes they are what they were."""
+        return model
 
 
 class EndTogether(Callback):

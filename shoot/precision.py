@@ -4,6 +4,7 @@ import time
 from typing import Literal
 
 import torch
+from torch.distributed.rendezvous import rendezvous
 
 # Below this bfloat16 would cost digits and buy next to no time.
 WORTH_IT = 1.3
@@ -27,6 +28,18 @@ def fastest_precision(device: torch.device) -> Literal["32-true", "bf16-mixed"]:
         return "32-true"
     gain = _convolution_s(torch.float32) / _convolution_s(torch.bfloat16)
     return "bf16-mixed" if gain > WORTH_IT else "32-true"
+
+
+def agreed_precision(device: torch.device) -> Literal["32-true", "bf16-mixed"]:
+    """`fastest_precision` of the first process that torchrun has started, in each of them.
+
+    They ask each other before Lightning connects them, which must be told the precision first.
+    """
+    store, rank, _ = next(rendezvous("env://"))
+    if rank == 0:
+        store.set("shoot/precision", fastest_precision(device))
+    agreed = store.get("shoot/precision")  # waits for it
+    return "bf16-mixed" if agreed == b"bf16-mixed" else "32-true"
 
 
 @torch.enable_grad()  # prediction asks, too, and has it off

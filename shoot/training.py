@@ -22,11 +22,11 @@ from lss_core.model import CameraModel
 from shoot.allocation import keep_freed_memory
 from shoot.config import OptimConfig, Precision, TrainConfig
 from shoot.datamodule import PlanBatch, PlanningData, check_shares
-from shoot.loop_callbacks import EndTogether, RoundProgress, TrueStep
+from shoot.loop_callbacks import EndTogether, JointStatistics, RoundProgress, TrueStep
 from shoot.metrics import PlanningMetrics
 from shoot.metrics_file import MetricsFile
 from shoot.planner import Planner
-from shoot.precision import fastest_precision
+from shoot.precision import agreed_precision, fastest_precision
 from shoot.run_folder import LAST, RunFolder
 from shoot.templates import TemplateSet
 
@@ -76,7 +76,7 @@ class PlanningModule(pl.LightningModule):
 
     def on_validation_start(self) -> None:
         """Give all processes the same batch statistics before they are used."""
-        if dist.is_available() and dist.is_initialized():
+        if dist.is_initialized() and not self.config.sync_batchnorm:
             for buffer in self.model.buffers():
                 if buffer.is_floating_point():
                     dist.all_reduce(buffer)
@@ -191,8 +191,8 @@ def make_trainer(config: TrainConfig, run: RunFolder, resume: bool = False) -> p
         raise ValueError("Settle the precision first, as `train` does.")
     devices, num_nodes = _processes(config)
     many = devices > 1 or num_nodes > 1 or dist.is_torchelastic_launched()
-    # Batch statistics are averaged before validation instead of at every forward pass: processes
-    # may have different numbers of validation batches.
+    # Buffers are the same everywhere, or averaged before validation: no need to send them at every
+    # forward pass, of which validation may have different numbers.
     strategy = DDPStrategy(broadcast_buffers=False) if many else "auto"
     return pl.Trainer(
         default_root_dir=run.folder,
@@ -201,6 +201,7 @@ def make_trainer(config: TrainConfig, run: RunFolder, resume: bool = False) -> p
         num_nodes=num_nodes,
         strategy=strategy,
         precision=config.precision,
+        plugins=JointStatistics() if many and config.sync_batchnorm else None,
         max_steps=config.optim.steps,
         max_epochs=-1,  # not counted: after a resumption Lightning is one too many
         num_sanity_val_steps=0,
@@ -231,12 +232,16 @@ def make_trainer(config: TrainConfig, run: RunFolder, resume: bool = False) -> p
 
 
 def _settle_precision(config: TrainConfig, run: RunFolder) -> Precision:
-    """What a run was begun with, if it goes on; else what is fastest here."""
-    begun_with = run.config().precision if config.resume and run.config_file.exists() else "auto"
+    """What a run was begun with, if it goes on; else what is fastest for its first process."""
+    with_torchrun = dist.is_torchelastic_launched()
+    started_by_first = int(os.environ.get("LOCAL_RANK", "0")) > 0 and not with_torchrun
+    decided = (config.resume or started_by_first) and run.config_file.exists()
+    begun_with = run.config().precision if decided else "auto"
     if begun_with != "auto":
         return begun_with
     on_gpu = config.accelerator in ("auto", "gpu", "cuda") and torch.cuda.is_available()
-    return fastest_precision(torch.device("cuda" if on_gpu else "cpu"))
+    device = torch.device("cuda" if on_gpu else "cpu")
+    return agreed_precision(device) if with_torchrun else fastest_precision(device)
 
 
 def _processes(config: TrainConfig) -> tuple[int, int]:

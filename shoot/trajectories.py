@@ -8,11 +8,13 @@ from numpy.typing import NDArray
 
 from lss_core.data.samples import SampleIndex
 from lss_core.geometry import FloatArray
+from shoot.parallel import run_jobs
 
 HORIZON_S = 5.0
 DT_S = 0.25
 # Time stamps are whole microseconds but travel as float64 seconds since 1970.
 _TIME_TOLERANCE_S = 1e-6
+_SCENES_A_JOB = 10
 
 
 @dataclass(frozen=True)
@@ -99,10 +101,23 @@ def futures_from_poses(
     return _turn(moved_m, -yaw[:, None]), kept
 
 
+@dataclass(frozen=True)
+class _Ride:
+    """A scene's poses and the starts in it; what mining it needs, also on another machine."""
+
+    scene: int
+    time_s: FloatArray
+    xy_m: FloatArray
+    yaw_rad: FloatArray
+    starts_s: FloatArray
+    sample: NDArray[np.int64]
+
+
 def mine_futures(
     index: SampleIndex,
     rows: NDArray[np.int64],
     starts: Literal["sweeps", "keyframes"],
+    dask: str | None = None,
 ) -> Futures:
     """Futures of the scenes of the given samples.
 
@@ -111,36 +126,74 @@ def mine_futures(
         rows: [R] samples, in the order of `rows_of_split`.
         starts: `sweeps`: from every LIDAR_TOP sweep of their scenes (templates); `keyframes`: from
             the samples themselves (training and evaluation).
+        dask: Address of a dask scheduler whose workers do it, a number of scenes at a time.
+
+    Raises:
+        DataError: If the cluster cannot be used.
     """
-    parts: list[FloatArray] = []
-    velocity: list[FloatArray] = []
-    yaw_rate: list[FloatArray] = []
-    scene_of: list[NDArray[np.int64]] = []
-    sample_of: list[NDArray[np.int64]] = []
-    num_left_out = 0
+    rides = _rides(index, rows, starts)
+    chunks = [
+        (first, rides[first : first + _SCENES_A_JOB])
+        for first in range(0, len(rides), _SCENES_A_JOB)
+    ]
+    parts = dict(run_jobs(_mine_chunk, chunks, dask=dask))
+    return _join([part for first in sorted(parts) for part in parts[first]])
+
+
+def _rides(
+    index: SampleIndex, rows: NDArray[np.int64], starts: Literal["sweeps", "keyframes"]
+) -> list[_Ride]:
+    rides = []
     for scene in dict.fromkeys(index.sample_scene[rows].tolist()):
         track = index.track(scene)
-        time_s, xy_m = index.track_time_s[track], index.track_xy_m[track]
-        yaw_rad = index.track_yaw_rad[track]
+        time_s = index.track_time_s[track]
         # Subtracting first keeps microseconds exact.
         zero_s = time_s[0]
-        own = rows[index.sample_scene[rows] == scene]
-        starts_s = time_s if starts == "sweeps" else index.time_s[own]
-        futures, kept = futures_from_poses(time_s - zero_s, xy_m, yaw_rad, starts_s - zero_s)
-        parts.append(futures)
-        speed, turn = _recent_motion(time_s - zero_s, xy_m, yaw_rad, starts_s[kept] - zero_s)
-        velocity.append(speed)
-        yaw_rate.append(turn)
-        scene_of.append(np.full(len(futures), scene))
-        sample_of.append(own[kept] if starts == "keyframes" else np.full(len(futures), -1))
-        num_left_out += int((~kept).sum())
+        sample = rows[index.sample_scene[rows] == scene]
+        starts_s = index.time_s[sample]
+        if starts == "sweeps":
+            starts_s, sample = time_s, np.full(len(time_s), -1)
+        rides.append(
+            _Ride(
+                scene,
+                time_s - zero_s,
+                index.track_xy_m[track],
+                index.track_yaw_rad[track],
+                starts_s - zero_s,
+                sample,
+            )
+        )
+    return rides
+
+
+def _mine_chunk(chunk: tuple[int, list[_Ride]]) -> tuple[int, list[Futures]]:
+    """Futures of some rides, with the number that came with them."""
+    first, rides = chunk
+    return first, [_mine(ride) for ride in rides]
+
+
+def _mine(ride: _Ride) -> Futures:
+    poses = ride.time_s, ride.xy_m, ride.yaw_rad
+    futures, kept = futures_from_poses(*poses, ride.starts_s)
+    velocity, yaw_rate = _recent_motion(*poses, ride.starts_s[kept])
     return Futures(
-        xy_m=np.concatenate(parts),
-        scene=np.concatenate(scene_of),
-        sample=np.concatenate(sample_of),
-        velocity_mps=np.concatenate(velocity),
-        yaw_rate_radps=np.concatenate(yaw_rate),
-        num_left_out=num_left_out,
+        xy_m=futures,
+        scene=np.full(len(futures), ride.scene),
+        sample=ride.sample[kept],
+        velocity_mps=velocity,
+        yaw_rate_radps=yaw_rate,
+        num_left_out=int((~kept).sum()),
+    )
+
+
+def _join(parts: list[Futures]) -> Futures:
+    return Futures(
+        xy_m=np.concatenate([part.xy_m for part in parts]),
+        scene=np.concatenate([part.scene for part in parts]),
+        sample=np.concatenate([part.sample for part in parts]),
+        velocity_mps=np.concatenate([part.velocity_mps for part in parts]),
+        yaw_rate_radps=np.concatenate([part.yaw_rate_radps for part in parts]),
+        num_left_out=sum(part.num_left_out for part in parts),
     )
 
 

@@ -32,6 +32,8 @@ def run(
     # What Lightning says of itself and of its own code is not for users of these commands.
     logging.getLogger("pytorch_lightning").setLevel(logging.WARNING)
     warnings.filterwarnings("ignore", module=r"pytorch_lightning\.")
+    # DDP on the weights of 1x1 convolutions, whose two memory formats are one and the same.
+    warnings.filterwarnings("ignore", message="Grad strides do not match bucket view strides")
     try:
         config = tyro.cli(config_type, description=description)
         function(config)

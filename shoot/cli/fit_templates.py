@@ -38,6 +38,7 @@ class FitTemplatesConfig:
         coverage_split: Scenes to measure coverage on as well, if the data set has them.
         k: Number of templates.
         seed: Of K-Means.
+        dask: Address of a dask scheduler, as tcp://host:8786; its workers then mine the futures.
     """
 
     data: DataSource
@@ -46,6 +47,7 @@ class FitTemplatesConfig:
     coverage_split: str = "val"
     k: int = 1000
     seed: int = 0
+    dask: str | None = None
 
 
 def fit(config: FitTemplatesConfig) -> TemplateSet:
@@ -59,7 +61,7 @@ def fit(config: FitTemplatesConfig) -> TemplateSet:
         raise DataError(f"The template file must end in .npz, got '{out}'.")
     index = load_index(config.data.root, config.data.version, config.data.cameras)
     rows = rows_of_split(index, config.data.root, config.data.version, config.split)
-    futures = mine_futures(index, rows, "sweeps")
+    futures = mine_futures(index, rows, "sweeps", config.dask)
     num_scenes = len(set(futures.scene.tolist()))
     print(
         f"Mined {len(futures.xy_m)} starts in {num_scenes} scenes of '{config.split}'; left out "
@@ -69,7 +71,7 @@ def fit(config: FitTemplatesConfig) -> TemplateSet:
     coverage = {config.split: templates.coverage(futures.xy_m)}
     try:
         other = rows_of_split(index, config.data.root, config.data.version, config.coverage_split)
-        held_out = mine_futures(index, other, "sweeps").xy_m
+        held_out = mine_futures(index, other, "sweeps", config.dask).xy_m
         if config.coverage_split != config.split and len(held_out):
             coverage[config.coverage_split] = templates.coverage(held_out)
     except DataError as error:

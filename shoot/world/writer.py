@@ -8,14 +8,12 @@ renamed as the very last step.
 import json
 import os
 import shutil
-import threading
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
-from multiprocessing import get_context, parent_process
-from multiprocessing.connection import wait
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
+from uuid import uuid4
 
 import cv2
 import tyro
@@ -23,6 +21,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from lss_core.data.splits import official_scenes
 from lss_core.errors import DataError
+from shoot.parallel import run_jobs
 from shoot.world.capture import LIDAR, SceneOrder, capture_scene, texel_m
 from shoot.world.maps import canvas_of, merge_layers, town_layers, town_mask, write_mask
 from shoot.world.paint import paint_unlit
@@ -51,6 +50,8 @@ class MakeWorldConfig:
         image_scale: Size of the images as a share of 1600 x 900.
         sweeps: Which lidar sweeps get files: those of keyframes, or all (ten times as many).
         workers: Processes; changes nothing but the time it takes.
+        dask: Address of a dask scheduler, as tcp://host:8786; its workers then make the scenes.
+            They must see the folder under the same name.
         scenes_per_town: Training scenes that share a town.
         duration_s: Length of a scene.
         keyframe_s: Time between keyframes, on average (nuScenes: 0.5 s).
@@ -66,6 +67,7 @@ class MakeWorldConfig:
     image_scale: float = 0.25
     sweeps: Literal["keyframes", "all"] = "keyframes"
     workers: int = 2
+    dask: str | None = None
     scenes_per_town: int = 1
     duration_s: float = 20.0
     keyframe_s: float = 0.5
@@ -95,9 +97,9 @@ class MakeWorldConfig:
             raise DataError("--train-scenes and --val-scenes are both 0: nothing to write.")
 
     def card(self) -> dict[str, Any]:
-        """The settings that decide what is written (all but `out` and `workers`)."""
+        """The settings that decide what is written (where and how it is does not)."""
         settings = asdict(self)
-        del settings["out"], settings["workers"]
+        del settings["out"], settings["workers"], settings["dask"]
         return {"world_format": WORLD_FORMAT, **settings}
 
     def azimuths(self) -> int:
@@ -144,7 +146,9 @@ def make_world(config: MakeWorldConfig) -> None:
     )
     with Progress(*columns) as progress:
         task = progress.add_task("scenes", total=total, completed=done)
-        for count in _run(open_towns, root, config.workers):
+        # Workers of a cluster have working directories of their own.
+        make = partial(_make_town, root=root.absolute())
+        for count in run_jobs(make, open_towns, config.workers, config.dask, parts):
             progress.advance(task, count)
     _join(root, towns)
     shutil.rmtree(parts)
@@ -204,36 +208,6 @@ def _is_done(order: _TownOrder, parts: Path) -> bool:
     return all((parts / f"{name}.json").exists() for name in names)
 
 
-def _run(orders: list[_TownOrder], root: Path, workers: int) -> Iterator[int]:
-    """Make towns; yields how many scenes each finished job had."""
-    if workers == 1 or len(orders) <= 1:
-        for order in orders:
-            yield _make_town(order, root)
-        return
-    # Spawned, not forked: a forked child inherits locks of threads that do not exist in it.
-    with ProcessPoolExecutor(workers, get_context("spawn"), _end_with_parent) as pool:
-        jobs = [pool.submit(_make_town, order, root) for order in orders]
-        try:
-            for job in as_completed(jobs):
-                yield job.result()
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
-
-
-def _end_with_parent() -> None:
-    """Let a worker end when its run is killed: it would wait for ever or write into the next."""
-    parent = parent_process()
-    if parent is None:
-        return
-    sentinel = parent.sentinel
-
-    def watch() -> None:
-        wait([sentinel])
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
-
-
 def _make_town(order: _TownOrder, root: Path) -> int:
     cv2.setNumThreads(1)
     parts = root / _PARTS
@@ -259,7 +233,7 @@ def _write_town(order: _TownOrder, town: Town, parts: Path) -> None:
 
 def _write_json(path: Path, content: Any) -> None:
     """Write a file that is there whole or not at all."""
-    aside = path.with_name(f".{path.name}.{os.getpid()}")
+    aside = path.with_name(f".{path.name}.{uuid4().hex}")  # of no other process on any machine
     with aside.open("w", encoding="utf-8") as stream:
         # Not json.dump: writing piece by piece it is ten times slower.
         stream.write(json.dumps(content, separators=(",", ":")))
