@@ -132,7 +132,7 @@ def load_index(root: str | Path, version: str, cameras: Iterable[str]) -> Sample
         save_arrays(cache, {f.name: getattr(index, f.name) for f in fields(SampleIndex)})
         # The memory of the mapped one is shared.
         return SampleIndex(**map_arrays(cache))
-    except OSError as error:
+    except (OSError, ValueError) as error:
         logger.warning("The index could not be cached in %s: %s.", cache, error)
         return index
 
