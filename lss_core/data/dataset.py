@@ -125,7 +125,7 @@ class CameraDataset(Dataset[Batch]):
         return Batch(
             images=torch.from_numpy(images).permute(0, 3, 1, 2),
             pixel_from_camera=torch.from_numpy(pixel_from_camera).float(),
-            ego_from_camera=torch.from_numpy(poses).float(),
+            ego_from_camera=torch.from_numpy(poses.astype(np.float32)),
             camera_mask=torch.from_numpy(mask),
             sample_idx=torch.tensor(row),
         )

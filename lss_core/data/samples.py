@@ -1,41 +1,30 @@
-"""The nuScenes tables, walked once: a compact index of samples, cameras, poses and scenes.
+"""An index of samples, cameras, poses and scenes: what training needs of the nuScenes tables.
 
-Opening the devkit on the full data set takes most of a minute and gigabytes; the index keeps what
-training needs as plain arrays and is cached, keyed by the size and time stamp of every table.
+The tables are walked once per data set; the index is kept on disk, under the size and time stamp of
+every table, and mapped from there: processes that use it share its memory.
 """
 
 import hashlib
 import json
 import logging
 import os
-from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lss_core.data.array_file import map_arrays, save_arrays
+from lss_core.data.joins import JoinedTables, join_tables
 from lss_core.data.splits import scenes_of_split
+from lss_core.data.tables import TABLES
 from lss_core.errors import DataError
-from lss_core.files import write_atomically
-from lss_core.geometry import FloatArray, interpolate_poses, rigid_from_quaternion
+from lss_core.geometry import FloatArray, interpolate_poses
 
 logger = logging.getLogger(__name__)
 
-_FORMAT = 1
-_TABLES = (
-    "calibrated_sensor",
-    "ego_pose",
-    "log",
-    "sample",
-    "sample_data",
-    "scene",
-    "sensor",
-)
-LIDAR = "LIDAR_TOP"
+_FORMAT = 2
 
 
 # Texts are annotated `np.character`: checked at run time, `np.str_` stands for empty texts only.
@@ -130,22 +119,22 @@ def load_index(root: str | Path, version: str, cameras: Iterable[str]) -> Sample
         stat = table.stat()
         stamp += [table.name, stat.st_size, stat.st_mtime_ns]
     key = hashlib.sha256(json.dumps(stamp).encode()).hexdigest()[:24]
-    cache = _cache_folder() / f"index-{key}.npz"
+    cache = _cache_folder() / f"index-{key}.arrays"
     if cache.exists():
         try:
-            with np.load(cache, allow_pickle=False) as stored:
-                return SampleIndex(**{f.name: stored[f.name] for f in fields(SampleIndex)})
-        except (OSError, EOFError, ValueError, KeyError, BadZipFile) as error:
+            return SampleIndex(**map_arrays(cache))
+        except (OSError, ValueError, TypeError) as error:
             logger.warning(
                 "The cached index %s is unreadable (%s); building it anew.", cache, error
             )
     index = _build_index(root, version, cameras)
     try:
-        with write_atomically(cache) as stream:
-            np.savez(stream, **{f.name: getattr(index, f.name) for f in fields(SampleIndex)})
-    except OSError as error:
+        save_arrays(cache, {f.name: getattr(index, f.name) for f in fields(SampleIndex)})
+        # The memory of the mapped one is shared.
+        return SampleIndex(**map_arrays(cache))
+    except (OSError, ValueError) as error:
         logger.warning("The index could not be cached in %s: %s.", cache, error)
-    return index
+        return index
 
 
 def rows_of_split(
@@ -184,7 +173,7 @@ def _check_tables(root: Path, version: str) -> list[Path]:
         found = sorted(p.parent.name for p in root.glob("*/sample_data.json"))
         hint = f"found {', '.join(found)}" if found else "no version with tables is there"
         raise DataError(f"There is no version '{version}' in '{root}' ({hint}).")
-    tables = [folder / f"{name}.json" for name in _TABLES]
+    tables = [folder / f"{name}.json" for name in TABLES.values()]
     missing = [table.name for table in tables if not table.is_file()]
     if missing:
         raise DataError(
@@ -194,161 +183,61 @@ def _check_tables(root: Path, version: str) -> list[Path]:
     return tables
 
 
-def _open_devkit(root: Path, version: str) -> Any:
-    from nuscenes.nuscenes import NuScenes  # slow to import and needed once per data set
-
-    try:
-        return NuScenes(version, dataroot=str(root), verbose=False)
-    except (AssertionError, LookupError, TypeError, ValueError, OSError) as error:
-        raise DataError(
-            f"nuscenes-devkit cannot open '{root / version}': {type(error).__name__}: {error}"
-            f"{_unreadable_tables(root / version)}."
-        ) from error
-
-
-def _unreadable_tables(folder: Path) -> str:
-    """Which tables are no JSON: the devkit does not say."""
-    broken = []
-    for table in sorted(folder.glob("*.json")):
-        try:
-            json.loads(table.read_bytes())
-        except ValueError:
-            broken.append(table.name)
-    return f"; damaged: {', '.join(broken)}" if broken else ""
-
-
 def _build_index(root: Path, version: str, cameras: tuple[str, ...]) -> SampleIndex:
     logger.info("Reading the tables of %s (once; the index is cached).", root / version)
-    nusc = _open_devkit(root, version)
-    known = {sensor["channel"] for sensor in nusc.sensor}
-    unknown = [camera for camera in cameras if camera not in known]
-    if unknown:
-        raise DataError(
-            f"The data set '{root / version}' has no sensor {', '.join(unknown)}; "
-            f"it has {', '.join(sorted(known))}."
-        )
-    scenes = nusc.scene
-    if not scenes or not nusc.sample:
-        raise DataError(f"The tables of '{root / version}' hold no scene with samples.")
-    scene_row = {scene["token"]: row for row, scene in enumerate(scenes)}
-    keyframe: dict[tuple[str, str], Any] = {}
-    sweeps: dict[str, list[Any]] = defaultdict(list)
-    others: dict[str, list[Any]] = defaultdict(list)
-    scene_of_sample = {sample["token"]: sample["scene_token"] for sample in nusc.sample}
-    try:
-        for record in nusc.sample_data:
-            scene = scene_of_sample[record["sample_token"]]
-            (sweeps if record["channel"] == LIDAR else others)[scene].append(record)
-            if record["is_key_frame"]:
-                keyframe[record["sample_token"], record["channel"]] = record
-        tracks = [_track(nusc, sweeps[s["token"]] or others[s["token"]]) for s in scenes]
-        return _gather(nusc, cameras, scene_row, keyframe, tracks)
-    except KeyError as error:
-        raise DataError(
-            f"The tables of '{root / version}' do not fit together: no record {error}."
-        ) from error
-    except ValueError as error:
-        raise DataError(f"The tables of '{root / version}' hold a bad number: {error}") from error
-
-
-@dataclass(frozen=True)
-class _Track:
-    time_s: FloatArray
-    global_from_ego: FloatArray
-
-
-def _track(nusc: Any, records: list[Any]) -> _Track:
-    by_time = {record["timestamp"]: record["ego_pose_token"] for record in records}
-    if not by_time:
-        return _Track(np.zeros(0), np.zeros((0, 4, 4)))
-    times = sorted(by_time)
-    poses = [nusc.get("ego_pose", by_time[time]) for time in times]
-    return _Track(np.asarray(times, dtype=np.float64) / 1e6, _rigid(poses))
-
-
-def _rigid(records: list[Any]) -> FloatArray:
-    return rigid_from_quaternion(
-        np.asarray([record["translation"] for record in records], dtype=np.float64),
-        np.asarray([record["rotation"] for record in records], dtype=np.float64),
-    )
-
-
-def _gather(
-    nusc: Any,
-    cameras: tuple[str, ...],
-    scene_row: dict[str, int],
-    keyframe: dict[tuple[str, str], Any],
-    tracks: list[_Track],
-) -> SampleIndex:
-    samples = [
-        sample for sample in nusc.sample if len(tracks[scene_row[sample["scene_token"]]].time_s)
-    ]
-    num, width = len(samples), len(cameras)
-    eye = np.eye(4)
-    sample_scene = np.asarray([scene_row[s["scene_token"]] for s in samples], dtype=np.int64)
-    time_s = np.zeros(num)
-    global_from_ego = np.tile(eye, (num, 1, 1))
-    ego_from_lidar = np.tile(eye, (num, 1, 1))
-    lidar_path = [""] * num
-    has_camera = np.zeros((num, width), dtype=bool)
-    image_path = [[""] * width for _ in range(num)]
-    image_hw = np.zeros((num, width, 2), dtype=np.int64)
-    intrinsics = np.tile(np.eye(3), (num, width, 1, 1))
-    egocam_from_camera = np.tile(eye, (num, width, 1, 1))
-    global_from_egocam = np.tile(eye, (num, width, 1, 1))
-    camera_time_s = np.zeros((num, width))
-    for row, sample in enumerate(samples):
-        lidar = keyframe.get((sample["token"], LIDAR))
-        if lidar is not None:
-            time_s[row] = lidar["timestamp"] / 1e6
-            global_from_ego[row] = _rigid([nusc.get("ego_pose", lidar["ego_pose_token"])])[0]
-            mounting = nusc.get("calibrated_sensor", lidar["calibrated_sensor_token"])
-            ego_from_lidar[row] = _rigid([mounting])[0]
-            lidar_path[row] = lidar["filename"]
-        else:
-            track = tracks[sample_scene[row]]
-            time_s[row] = np.clip(sample["timestamp"] / 1e6, track.time_s[0], track.time_s[-1])
-            global_from_ego[row] = interpolate_poses(
-                track.time_s, track.global_from_ego, time_s[row : row + 1]
-            )[0]
-        for column, channel in enumerate(cameras):
-            image = keyframe.get((sample["token"], channel))
-            if image is None:
-                camera_time_s[row, column] = time_s[row]
-                continue
-            calibration = nusc.get("calibrated_sensor", image["calibrated_sensor_token"])
-            has_camera[row, column] = True
-            image_path[row][column] = image["filename"]
-            image_hw[row, column] = image.get("height") or 0, image.get("width") or 0
-            intrinsics[row, column] = calibration["camera_intrinsic"]
-            egocam_from_camera[row, column] = _rigid([calibration])[0]
-            pose = nusc.get("ego_pose", image["ego_pose_token"])
-            global_from_egocam[row, column] = _rigid([pose])[0]
-            camera_time_s[row, column] = image["timestamp"] / 1e6
-    poses = np.concatenate([track.global_from_ego for track in tracks])
+    tables = join_tables(root / version, cameras)
+    frames, scenes = tables.frames, tables.scenes
+    rows = np.flatnonzero((np.diff(tables.track_start) > 0)[tables.sample_scene])
+    lidar, images = tables.lidar[rows], tables.images[rows]
+    # The row -1 of what is not there reads the last frame, which `where` then passes over.
+    has_lidar, has_camera = lidar >= 0, images >= 0
+    of_lidar, of_image = has_lidar[:, None, None], has_camera[:, :, None, None]
+    filename = np.asarray(frames.filename, dtype=object)
+    mounting, intrinsics = tables.ego_from_sensor, tables.rawpixel_from_camera
+    time_s, global_from_ego = _ego_frames(tables, rows)
+    track_pose = tables.global_from_ego[tables.track]
     return SampleIndex(
         cameras=np.asarray(cameras),
-        sample_token=np.asarray([sample["token"] for sample in samples]),
-        sample_scene=sample_scene,
+        sample_token=np.asarray([tables.samples[row].token for row in rows.tolist()]),
+        sample_scene=tables.sample_scene[rows],
         time_s=time_s,
         global_from_ego=global_from_ego,
         has_camera=has_camera,
-        image_path=np.asarray(image_path).reshape(num, width),
-        image_hw=image_hw,
-        rawpixel_from_camera=intrinsics,
-        egocam_from_camera=egocam_from_camera,
-        global_from_egocam=global_from_egocam,
-        camera_time_s=camera_time_s,
-        lidar_path=np.asarray(lidar_path),
-        ego_from_lidar=ego_from_lidar,
-        scene_name=np.asarray([scene["name"] for scene in nusc.scene]),
-        scene_token=np.asarray([scene["token"] for scene in nusc.scene]),
-        scene_description=np.asarray([scene["description"] for scene in nusc.scene]),
-        scene_location=np.asarray(
-            [nusc.get("log", scene["log_token"])["location"] for scene in nusc.scene]
-        ),
-        track_start=np.cumsum([0, *(len(track.time_s) for track in tracks)]),
-        track_time_s=np.concatenate([track.time_s for track in tracks]),
-        track_xy_m=poses[:, :2, 3],
-        track_yaw_rad=np.arctan2(poses[:, 1, 0], poses[:, 0, 0]),
+        image_path=np.where(has_camera, filename[images], "").astype(np.str_),
+        image_hw=np.where(has_camera[..., None], frames.image_hw[images], 0),
+        rawpixel_from_camera=np.where(of_image, intrinsics[frames.calibration[images]], np.eye(3)),
+        egocam_from_camera=np.where(of_image, mounting[frames.calibration[images]], np.eye(4)),
+        global_from_egocam=np.where(of_image, tables.global_from_ego[images], np.eye(4)),
+        camera_time_s=np.where(has_camera, frames.time_us[images] / 1e6, time_s[:, None]),
+        lidar_path=np.where(has_lidar, filename[lidar], "").astype(np.str_),
+        ego_from_lidar=np.where(of_lidar, mounting[frames.calibration[lidar]], np.eye(4)),
+        scene_name=np.asarray([scene.name for scene in scenes]),
+        scene_token=np.asarray([scene.token for scene in scenes]),
+        scene_description=np.asarray([scene.description for scene in scenes]),
+        scene_location=np.asarray(tables.locations),
+        track_start=tables.track_start,
+        track_time_s=frames.time_us[tables.track] / 1e6,
+        track_xy_m=track_pose[:, :2, 3].copy(),
+        track_yaw_rad=np.arctan2(track_pose[:, 1, 0], track_pose[:, 0, 0]),
     )
+
+
+def _ego_frames(tables: JoinedTables, rows: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
+    """[R] time and [R, 4, 4] `global_from_ego` of samples whose scenes have a track."""
+    lidar, scene = tables.lidar[rows], tables.sample_scene[rows]
+    time_s = np.asarray([tables.samples[row].timestamp for row in rows.tolist()]) / 1e6
+    track_time_s = tables.frames.time_us[tables.track] / 1e6
+    first, end = tables.track_start[scene], tables.track_start[scene + 1]
+    time_s = np.where(
+        lidar >= 0,
+        tables.frames.time_us[lidar] / 1e6,
+        np.clip(time_s, track_time_s[first], track_time_s[end - 1]),
+    )
+    global_from_ego = tables.global_from_ego[lidar]
+    for lacking in np.unique(scene[lidar < 0]):
+        own = (scene == lacking) & (lidar < 0)
+        track = slice(tables.track_start[lacking], tables.track_start[lacking + 1])
+        global_from_ego[own] = interpolate_poses(
+            track_time_s[track], tables.global_from_ego[tables.track[track]], time_s[own]
+        )
+    return time_s, global_from_ego

@@ -3,8 +3,6 @@
 import json
 from pathlib import Path
 
-from nuscenes.utils.splits import create_splits_scenes
-
 from lss_core.errors import DataError
 
 # The devkit's lists are global; only these belong to each version.
@@ -30,6 +28,9 @@ def official_scenes(version: str, split: str) -> tuple[str, ...]:
     known = _SPLITS_OF_VERSION.get(version, _SPLITS_OF_VERSION["v1.0-trainval"])
     if split not in known:
         raise DataError(f"Unknown split '{split}' of {version}; known are {', '.join(known)}.")
+    # Takes a second and is not needed where there is a `splits.json`.
+    from nuscenes.utils.splits import create_splits_scenes
+
     return tuple(create_splits_scenes()[split])
 
 
