@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import torch
+import torch._inductor.config
 from jaxtyping import Float
 from torch import Tensor
 
@@ -53,8 +54,7 @@ class FastPlanner:
         networks = [self._module.model.image_encoder, self._module.model.bev_encoder]
         if not compiled:
             return list(networks)
-        options: dict[str, Any] = {"freezing": True}
-        return [torch.compile(net, dynamic=False, options=options) for net in networks]
+        return [torch.compile(net, dynamic=False) for net in networks]
 
     @torch.no_grad()
     def __call__(self, sensors: Batch) -> Float[Tensor, "B K"]:
@@ -63,9 +63,11 @@ class FastPlanner:
         Args:
             sensors: A batch on the module's device.
         """
-        if not self._is_settled:
-            self._settle(sensors)
-        return torch.cat([self._score(sensors, b) for b in range(len(sensors.images))])
+        # Weights become constants. As an option of torch.compile it comes too late for tracing.
+        with torch._inductor.config.patch(freezing=True):
+            if not self._is_settled:
+                self._settle(sensors)
+            return torch.cat([self._score(sensors, b) for b in range(len(sensors.images))])
 
     def _settle(self, sensors: Batch) -> None:
         """Compile by a first call, or do without."""
