@@ -14,6 +14,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import tyro
+from benchmarks.growth import LARGEST_EXPONENT, Growth, all_growth
+from benchmarks.growth_figure import draw_growth
 from benchmarks.machine import Machine, measure
 from benchmarks.rows import ROWS, Row, Setting
 
@@ -31,6 +33,8 @@ class BenchmarkConfig:
         images: Data root with 1600 x 900 images to load; a synthetic scene's if not given.
         images_version: Its version.
         out: JSON to write; `benchmark.json` in the folder if not given.
+        growth: Measure how time and memory grow, too, and draw it.
+        growth_figure: Picture of it to write; `growth.png` in the folder if not given.
     """
 
     rows: tuple[str, ...] = tuple(ROWS)
@@ -39,6 +43,8 @@ class BenchmarkConfig:
     images: Path | None = None
     images_version: str = "v1.0-mini"
     out: Path | None = None
+    growth: bool = False
+    growth_figure: Path | None = None
 
 
 def benchmark(config: BenchmarkConfig) -> bool:
@@ -53,15 +59,24 @@ def benchmark(config: BenchmarkConfig) -> bool:
             rows.append(row)
             print(f"{row.name}: {row.pair.ratio.median:.1f} times", file=sys.stderr)
         print(f"{name}: {time.monotonic() - started:.0f} s", file=sys.stderr)
+    growths = list(all_growth(config.folder)) if config.growth else []
+    if growths:
+        draw_growth(growths, config.growth_figure or config.folder / "growth.png")
     print(format_machine(machine))
     print(format_table(rows))
+    print(format_growth(growths))
     found = {
         "machine": asdict(machine),
         "rows": [asdict(row) | {"holds": row.holds} for row in rows],
+        "growth": [
+            asdict(growth)
+            | {"exponent": growth.exponent, "memory_exponent": growth.memory_exponent}
+            for growth in growths
+        ],
     }
     with write_atomically(config.out or config.folder / "benchmark.json") as stream:
         stream.write((json.dumps(found, indent=1) + "\n").encode())
-    return all(row.holds for row in rows)
+    return all(row.holds for row in rows) and all(growth.holds for growth in growths)
 
 
 def format_machine(machine: Machine) -> str:
@@ -97,6 +112,22 @@ def format_table(rows: list[Row]) -> str:
     for row in rows:
         lines.append(f"- {row.name}: {row.plain} against {row.fast}.")
         lines += [f"  - {check.what}{'' if check.holds else ': FAILS'}" for check in row.checks]
+    return "\n".join(lines)
+
+
+def format_growth(growths: list[Growth]) -> str:
+    """Times, memory and exponents in Markdown; empty if there is nothing to show."""
+    lines = []
+    for growth in growths:
+        verdict = "holds" if growth.holds else "FAILS"
+        lines += [
+            f"\n{growth.what}, by {growth.of}: exponent of time {growth.exponent:.2f}, of memory "
+            f"{growth.memory_exponent:.2f} (at most {LARGEST_EXPONENT}): {verdict}\n",
+            "| " + " | ".join([growth.of, *(f"{size:,.0f}" for size in growth.sizes)]) + " |",
+            "| --- " * (len(growth.sizes) + 1) + "|",
+            "| " + " | ".join(["time, s", *(f"{s:.3g}" for s in growth.seconds)]) + " |",
+            "| " + " | ".join(["memory, MB", *(f"{mb:,.0f}" for mb in growth.mb)]) + " |",
+        ]
     return "\n".join(lines)
 
 

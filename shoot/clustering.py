@@ -13,8 +13,8 @@ from lss_core.geometry import FloatArray
 
 # Trajectories are smooth: forty numbers vary along some ten directions.
 _KEPT_VARIANCE = 1.0 - 1e-5
-_SAMPLE_PER_CENTRE = 40
-_MAX_ROUNDS = 20
+_SAMPLE_PER_CENTRE = 60
+_MAX_ROUNDS = 30
 
 
 @dataclass(frozen=True)
@@ -50,8 +50,8 @@ def cluster(points: FloatArray, k: int, seed: int) -> Clusters:
     """K-Means of [M, D] points, from coarse to fine.
 
     Points are described by the few principal directions that hold all but 1e-5 of their variance.
-    K-Means++ chooses centres from a random sample of 40 points a centre, where Lloyd's rounds
-    settle them; at most 20 rounds over all points follow, after which the inertia changes by parts
+    K-Means++ chooses centres from a random sample of 60 points a centre, where Lloyd's rounds
+    settle them; at most 30 rounds over all points follow, after which the inertia changes by parts
     of a per cent. The centres are then the means of their points in all D numbers.
 
     In float64: in float32 the result would depend on the order in which threads add up.
@@ -85,7 +85,7 @@ def cluster(points: FloatArray, k: int, seed: int) -> Clusters:
 def cluster_stream(chunks: Callable[[], Iterable[FloatArray]], k: int, seed: int) -> StreamClusters:
     """K-Means of points that come in chunks, of which only one and two samples are held.
 
-    K-Means of a random sample of 40 points a centre, then one pass of mini-batch K-Means over all.
+    K-Means of a random sample of 60 points a centre, then one pass of mini-batch K-Means over all.
 
     Args:
         chunks: Begins the stream of [M, D] chunks anew; it is read three times.

@@ -55,7 +55,7 @@ def test_one_cluster_is_the_mean() -> None:
 
 
 def test_a_sample_with_too_few_distinct_points_is_not_used() -> None:
-    # Almost all points are one: forty times k random ones hardly hold k distinct ones.
+    # Almost all points are one: sixty times k random ones hardly hold k distinct ones.
     points = np.zeros((20_000, 40))
     points[:30] = _points(30)
     found = cluster(points, 25, seed=0)
@@ -75,7 +75,7 @@ def test_a_stream_is_clustered_without_being_held() -> None:
     # What it says of itself is an upper bound of what it lost.
     assert found.inertia / full - 1.0 <= found.given_up
     assert found.given_up < 0.2
-    assert len(found.sample) == 40 * K
+    assert len(found.sample) == 60 * K
 
 
 def test_a_stream_s_sample_is_fair() -> None:

@@ -13,12 +13,13 @@ from PIL import Image
 from torch import Tensor
 from torch.utils.data import DataLoader, Dataset
 
+from benchmarks.measuring import seconds
 from lss_core.config import CAMERAS, DataConfig
 from lss_core.data.dataset import CameraDataset, ego_from_camera
 from lss_core.data.images import draw_pixel_map
 from lss_core.data.samples import SampleIndex, load_index
 from lss_core.image_encoder import IMAGENET_MEAN, IMAGENET_STD
-from shoot.world.writer import VERSION, MakeWorldConfig, make_world
+from shoot.world.writer import MakeWorldConfig, make_world
 
 CONFIG = DataConfig()
 
@@ -69,10 +70,14 @@ def _plain_images(dataset: CameraDataset, position: int) -> Tensor:
 
 
 def _fast_images(dataset: CameraDataset, position: int) -> Tensor:
-    """[N, 3, H, W] as the network takes them, from a whole item with its matrices."""
-    images = dataset[position, -1].images.float() / 255.0
+    """[N, 3, H, W] bytes, as our network takes them, from a whole item with its matrices."""
+    return dataset[position, -1].images
+
+
+def _normalised(images: Tensor) -> Tensor:
+    """What our network makes of bytes before its first layer."""
     mean, std = (torch.tensor(v).view(3, 1, 1) for v in (IMAGENET_MEAN, IMAGENET_STD))
-    return (images - mean) / std
+    return (images.float() / 255.0 - mean) / std
 
 
 def plain_load(root: Path, version: str) -> Callable[[], Tensor]:
@@ -92,10 +97,18 @@ def difference(root: Path, version: str) -> NDArray[np.float64]:
     dataset = _dataset(root, version)
     std = torch.tensor(IMAGENET_STD).view(3, 1, 1)
     parts = [
-        (_plain_images(dataset, i) - _fast_images(dataset, i)).mul(std).abs().flatten() * 255.0
+        (_plain_images(dataset, i) - _normalised(_fast_images(dataset, i))).mul(std).abs() * 255.0
         for i in range(len(dataset))
     ]
-    return torch.cat(parts).double().numpy()
+    return torch.cat(parts).flatten().double().numpy()
+
+
+def normalising_s(root: Path, version: str) -> float:
+    """Seconds a sample that turning bytes into floats costs the network, not the loader."""
+    torch.set_num_threads(1)
+    images = _fast_images(_dataset(root, version), 0)
+    _normalised(images)
+    return seconds(lambda: _normalised(images), 20)
 
 
 class _PoseDataset(Dataset[Tensor]):
@@ -121,7 +134,11 @@ def workers_mb(root: Path, version: str, num_workers: int) -> Callable[[], float
 
     def run() -> float:
         loader = DataLoader(
-            _PoseDataset(index), batch_size=64, num_workers=num_workers, persistent_workers=True
+            _PoseDataset(index),
+            batch_size=64,
+            num_workers=num_workers,
+            persistent_workers=True,
+            multiprocessing_context="fork",  # as in a command; here the default is another
         )
         batches = iter(loader)
         for _ in range(20 * num_workers):
@@ -137,6 +154,3 @@ def _proportional_mb(pid: str) -> float:
         if line.startswith("Pss:"):
             return int(line.split()[1]) * 1024 / 1e6
     return 0.0
-
-
-__all__ = ["VERSION", "difference", "fast_load", "make_images", "plain_load", "workers_mb"]

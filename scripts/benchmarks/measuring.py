@@ -105,6 +105,29 @@ def compare(
     )
 
 
+def seconds(function: Callable[[], Any], calls: int = 1) -> float:
+    """Mean time of some calls."""
+    started = time.perf_counter()
+    for _ in range(calls):
+        function()
+    return (time.perf_counter() - started) / calls
+
+
+def measured(once: Callable[[], Any]) -> tuple[float, float]:
+    """Seconds that one call takes in a new process, and the most memory of it (10^6 bytes).
+
+    For what is done once in a process's life; imports count for memory, not for time.
+    """
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+        return pool.submit(_measured, once).result()
+
+
+def _measured(once: Callable[[], Any]) -> tuple[float, float]:
+    started = time.perf_counter()
+    once()
+    return time.perf_counter() - started, _status_mb("VmHWM")
+
+
 _run: Callable[[], Any] = lambda: None  # noqa: E731  (the one this process was prepared for)
 
 
@@ -114,10 +137,7 @@ def _prepare(prepare: Prepare) -> None:
 
 
 def _seconds(calls: int) -> float:
-    started = time.perf_counter()
-    for _ in range(calls):
-        _run()
-    return (time.perf_counter() - started) / calls
+    return seconds(_run, calls)
 
 
 def _result() -> Any:

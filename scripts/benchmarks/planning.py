@@ -76,7 +76,7 @@ def _trained_step(
     def step() -> Tensor:
         loss = module.planner.loss(scores(sensors), labels)
         optimizer.zero_grad()
-        loss.backward()
+        torch.autograd.backward(loss)
         torch.nn.utils.clip_grad_norm_(module.parameters(), CONFIG.optim.clip_norm)
         optimizer.step()
         return loss.detach()
@@ -110,12 +110,12 @@ def plan_flop() -> int:
     module, sensors = new_module().eval(), paper_size.batch(1)
     with FlopCounterMode(display=False) as counter, torch.no_grad():
         module(sensors)
-    return counter.get_total_flops()
+    return int(counter.get_total_flops())
 
 
 def step_flop() -> int:
     """Floating-point operations of a training step, forward and backward."""
     module, sensors = new_module(), paper_size.batch(BATCH_SIZE)
     with FlopCounterMode(display=False) as counter:
-        module.planner.loss(module(sensors), torch.arange(BATCH_SIZE)).backward()
-    return counter.get_total_flops()
+        torch.autograd.backward(module.planner.loss(module(sensors), torch.arange(BATCH_SIZE)))
+    return int(counter.get_total_flops())
