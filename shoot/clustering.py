@@ -9,6 +9,7 @@ from sklearn.cluster import KMeans, MiniBatchKMeans, kmeans_plusplus
 from sklearn.decomposition import PCA
 from sklearn.metrics import pairwise_distances_argmin_min
 
+from lss_core.errors import DataError
 from lss_core.geometry import FloatArray
 
 # Trajectories are smooth: forty numbers vary along some ten directions.
@@ -74,11 +75,17 @@ def cluster(points: FloatArray, k: int, seed: int) -> Clusters:
     if len(sample) < len(points):
         centres = KMeans(k, init=centres, n_init=1).fit(sample).cluster_centers_
     rounds = _MAX_ROUNDS if len(sample) < len(points) else 300
-    labels = KMeans(k, init=centres, n_init=1, max_iter=rounds).fit(reduced).labels_
+    fitted = KMeans(k, init=centres, n_init=1, max_iter=rounds).fit(reduced)
+    labels, counts = fitted.labels_, np.bincount(fitted.labels_, minlength=k)
     sums = np.stack(
         [np.bincount(labels, weights=column, minlength=k) for column in points.T], axis=-1
     )
-    means: FloatArray = sums / np.bincount(labels, minlength=k)[:, None]
+    # A cluster that lost its last point in the last round stays where it was.
+    means: FloatArray = np.where(
+        counts[:, None] > 0,
+        sums / np.maximum(counts, 1)[:, None],
+        directions.inverse_transform(fitted.cluster_centers_),
+    )
     return Clusters(means, float(((points - means[labels]) ** 2).sum()))
 
 
@@ -89,10 +96,19 @@ def cluster_stream(chunks: Callable[[], Iterable[FloatArray]], k: int, seed: int
 
     Args:
         chunks: Begins the stream of [M, D] chunks anew; it is read three times.
-        k: Number of clusters; at most the number of distinct points.
+        k: Number of clusters.
         seed: Of samples and choice.
+
+    Raises:
+        DataError: If the samples have fewer than k distinct points.
     """
     samples = _two_samples(chunks(), _SAMPLE_PER_CENTRE * k, seed)
+    distinct = min(len(np.unique(np.round(sample, 6), axis=0)) for sample in samples)
+    if distinct < k:
+        raise DataError(
+            f"Only {distinct} of {len(samples[0])} random trajectories differ; choose a k of at "
+            "most that."
+        )
     centres = cluster(samples[0], k, seed).centres
     # A centre that few points choose is not moved elsewhere: it stands for a rare turn.
     means = MiniBatchKMeans(k, init=centres, n_init=1, reassignment_ratio=0.0, random_state=seed)

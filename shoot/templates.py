@@ -218,7 +218,7 @@ def fit_templates_stream(
         The templates; and a random sample [S, T, 2] of the futures that they were not chosen from.
 
     Raises:
-        DataError: If there are fewer futures than templates.
+        DataError: If there are fewer futures than templates, or too few distinct ones.
     """
     shape = next((chunk.shape[1:] for chunk in chunks()), None)
     num_futures = sum(len(chunk) for chunk in chunks())
@@ -227,7 +227,7 @@ def fit_templates_stream(
             f"Cannot fit {k} templates to {num_futures} trajectories; "
             "choose a smaller k or give more scenes."
         )
-    clusters = cluster_stream(lambda: (c.reshape(len(c), -1) for c in chunks()), k, seed)
+    clusters = cluster_stream(lambda: (c.reshape(len(c), -1) for c in chunks() if len(c)), k, seed)
     points = clusters.centres.reshape(k, *shape).astype(np.float32)
     templates = _template_set(
         points, clusters.counts, seed, clusters.inertia, "mini-batch K-Means of a stream"

@@ -140,6 +140,19 @@ def test_fit_templates_writes_file_card_and_picture(tiny_run: TinyRun, tmp_path:
     assert Image.open(out.with_suffix(".png")).size[0] > 500
 
 
+def test_fit_templates_as_a_stream(tiny_run: TinyRun, tmp_path: Path) -> None:
+    out = tmp_path / "ten.npz"
+    said = command(
+        "shoot-fit-templates", "--data.root", tiny_run.root, "--out", out, "--k", 10, "--stream"
+    )
+    assert said.status == 0, said.err
+    assert "Mined 84 starts in 4 scenes of 'train'; left out 200 without 5 s of future." in said.out
+    assert "Fitted as a stream" in said.out
+    card = json.loads(out.with_suffix(".json").read_text())
+    assert (card["k"], card["num_futures"], card["num_left_out"]) == (10, 84, 200)
+    assert f"{100 * card['inertia_given_up_at_most']:.0f} %" in said.out
+
+
 def test_run_folder_holds_what_it_promises(tiny_run: TinyRun) -> None:
     names = {path.name for path in tiny_run.folder.iterdir()}
     assert {

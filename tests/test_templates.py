@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lss_core.errors import DataError
-from shoot.templates import TemplateSet, fit_templates
+from shoot.templates import TemplateSet, fit_templates, fit_templates_stream
 
 
 def some_futures(num: int, seed: int = 0, num_points: int = 20) -> np.ndarray:
@@ -120,6 +120,32 @@ def test_same_seed_same_bytes(tmp_path: Path) -> None:
     assert (tmp_path / "a.json").read_bytes() == (tmp_path / "b.json").read_bytes()
     other = fit_templates(futures, k=9, seed=5)
     assert other.sha256 != TemplateSet.load(tmp_path / "a.npz").sha256
+
+
+def test_templates_of_a_stream(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    speed, bend = rng.gamma(3.0, 2.0, 4000), rng.normal(0.0, 1.0, 4000)
+    time_s = 0.25 * np.arange(1, 21)
+    futures = np.stack([speed[:, None] * time_s, bend[:, None] * time_s**2], axis=-1)
+    nothing = np.zeros((0, 20, 2))
+    templates, sample = fit_templates_stream(
+        lambda: [nothing, *np.split(futures, 8), nothing], k=30, seed=0
+    )
+    assert templates.points.shape == (30, 20, 2)
+    assert templates.counts.tolist() == sorted(templates.counts.tolist(), reverse=True)
+    assert templates.counts.sum() == templates.card["num_futures"] == 4000
+    whole = fit_templates(futures, k=30, seed=0)
+    more = templates.card["inertia_m2"] / whole.card["inertia_m2"] - 1.0
+    assert more <= templates.card["inertia_given_up_at_most"] < 0.3
+    assert np.isin(sample[:, -1, 0], futures[:, -1, 0]).all()
+    templates.save(tmp_path / "t.npz")
+    assert TemplateSet.load(tmp_path / "t.npz").card["method"].startswith("mini-batch")
+
+
+@pytest.mark.parametrize(("num", "what"), [(5, "Cannot fit 9"), (50, "Only 1 of 50")])
+def test_a_stream_of_too_few_is_refused(num: int, what: str) -> None:
+    with pytest.raises(DataError, match=what):
+        fit_templates_stream(lambda: [np.ones((num, 20, 2))], k=9, seed=0)
 
 
 @pytest.mark.parametrize("k", [0, 31])

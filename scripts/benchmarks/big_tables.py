@@ -26,12 +26,15 @@ from lss_core.errors import DataError
 VERSION = "v1.0-trainval"
 NUM_SCENES = 850
 _NUM_LOGS = 68
-_RADARS = ("RADAR_FRONT", "RADAR_FRONT_LEFT", "RADAR_FRONT_RIGHT", "RADAR_BACK_LEFT")
-_RADARS += ("RADAR_BACK_RIGHT",)
+_RADARS = tuple(
+    f"RADAR_{side}" for side in ("FRONT", "FRONT_LEFT", "FRONT_RIGHT", "BACK_LEFT", "BACK_RIGHT")
+)
 _RATE_HZ = {"LIDAR_TOP": 20.0} | dict.fromkeys(CAMERAS, 12.0) | dict.fromkeys(_RADARS, 13.27)
 _KEYFRAME_S = 0.5
-_LOCATIONS = ("singapore-onenorth", "singapore-hollandvillage", "singapore-queenstown")
-_LOCATIONS += ("boston-seaport",)
+_LOCATIONS = (
+    *(f"singapore-{part}" for part in ("onenorth", "hollandvillage", "queenstown")),
+    "boston-seaport",
+)
 _T0_US = 1_526_915_243_000_000
 _LOG_US = 86_400_000_000
 _SCENE_US = 25_000_000

@@ -25,8 +25,11 @@ def features() -> tuple[Tensor, Tensor]:
     shape = (NUM_SAMPLES * 6, channels + depths, height, width)
     features = torch.randn(shape, generator=random).contiguous(memory_format=torch.channels_last)
     depth_prob = features[:, :depths].permute(0, 2, 3, 1).softmax(dim=-1).permute(0, 3, 1, 2)
-    batch = (NUM_SAMPLES, 6)
-    return features[:, depths:].unflatten(0, batch), depth_prob.unflatten(0, batch)
+    context = features[:, depths:]
+    return (
+        context.view(NUM_SAMPLES, 6, *context.shape[1:]),
+        depth_prob.view(NUM_SAMPLES, 6, *depth_prob.shape[1:]),
+    )
 
 
 def _points() -> Tensor:

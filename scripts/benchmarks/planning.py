@@ -1,5 +1,6 @@
 """The whole planner at paper size: one sample planned, and one step trained."""
 
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -62,6 +63,19 @@ def fast_plan() -> Callable[[], Tensor]:
     keep_freed_memory()
     planner, sensors = FastPlanner(new_module()), paper_size.batch(1)
     return lambda: planner(sensors).softmax(dim=-1)
+
+
+def uncompiled_plan() -> Callable[[], Tensor]:
+    """The same where there is no compiler."""
+    keep_freed_memory()
+    planner, sensors = FastPlanner(new_module(), compiled=False), paper_size.batch(1)
+    return lambda: planner(sensors).softmax(dim=-1)
+
+
+def first_plan(compiler_cache: Path) -> None:
+    """The first call of a `FastPlanner`, which compiles, with torch's cache in a folder."""
+    os.environ["TORCHINDUCTOR_CACHE_DIR"] = str(compiler_cache)
+    fast_plan()()
 
 
 def _trained_step(

@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
@@ -154,6 +155,20 @@ def plan_rows(setting: Setting) -> Iterator[Row]:
         )
         for name, found in (("this planner after 40 steps", paper), ("demo preset", small))
     ]
+    with tempfile.TemporaryDirectory() as folder:
+        first = partial(planning.first_plan, Path(folder))
+        compiling_s = [measured(first)[0] for _ in range(2)]
+    checks.append(
+        Check(
+            f"the first call compiles, {compiling_s[0]:.0f} s; in later processes it takes "
+            f"{compiling_s[1]:.0f} s",
+            True,
+        )
+    )
+    uncompiled = Side(planning.uncompiled_plan)
+    uncompiled.seconds()
+    checks.append(Check(f"uncompiled {uncompiled.seconds(5):.3f} s", True))
+    uncompiled.close()
     yield Row(
         "images to probabilities, one sample",
         "float32, contiguous, cumulative sum",

@@ -1,15 +1,22 @@
 """shoot-fit-templates: mine ego futures and fit K templates to them."""
 
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from lss_core.config import CAMERAS
-from lss_core.data.samples import load_index, rows_of_split
+from lss_core.data.samples import SampleIndex, load_index, rows_of_split
 from lss_core.errors import DataError
+from lss_core.geometry import FloatArray
 from shoot.cli.app import run
 from shoot.rendering import render_templates, save_figure
-from shoot.templates import TemplateSet, fit_templates
+from shoot.templates import TemplateSet, fit_templates, fit_templates_stream
 from shoot.trajectories import mine_futures
+
+_SCENES_A_CHUNK = 50
 
 
 @dataclass(frozen=True)
@@ -38,6 +45,8 @@ class FitTemplatesConfig:
         coverage_split: Scenes to measure coverage on as well, if the data set has them.
         k: Number of templates.
         seed: Of K-Means.
+        stream: Never hold all futures at once: mini-batch K-Means, 50 scenes at a time, for data
+            sets whose futures do not fit into memory. The card says what is given up at most.
         dask: Address of a dask scheduler, as tcp://host:8786; its workers then mine the futures.
     """
 
@@ -47,6 +56,7 @@ class FitTemplatesConfig:
     coverage_split: str = "val"
     k: int = 1000
     seed: int = 0
+    stream: bool = False
     dask: str | None = None
 
 
@@ -61,14 +71,21 @@ def fit(config: FitTemplatesConfig) -> TemplateSet:
         raise DataError(f"The template file must end in .npz, got '{out}'.")
     index = load_index(config.data.root, config.data.version, config.data.cameras)
     rows = rows_of_split(index, config.data.root, config.data.version, config.split)
-    futures = mine_futures(index, rows, "sweeps", config.dask)
-    num_scenes = len(set(futures.scene.tolist()))
+    scenes = list(dict.fromkeys(index.sample_scene[rows].tolist()))
+    num_starts = sum(len(index.track_time_s[index.track(scene)]) for scene in scenes)
+    templates, shown = (_fit_stream if config.stream else _fit_all)(index, rows, config)
+    num_left_out = num_starts - templates.card["num_futures"]
     print(
-        f"Mined {len(futures.xy_m)} starts in {num_scenes} scenes of '{config.split}'; left out "
-        f"{futures.num_left_out} without 5 s of future."
+        f"Mined {templates.card['num_futures']} starts in {len(scenes)} scenes of "
+        f"'{config.split}'; left out {num_left_out} without 5 s of future."
     )
-    templates = fit_templates(futures.xy_m, config.k, config.seed)
-    coverage = {config.split: templates.coverage(futures.xy_m)}
+    if config.stream:
+        print(
+            "Fitted as a stream: the sum of squared distances is at most "
+            f"{100 * templates.card['inertia_given_up_at_most']:.0f} % greater than with all "
+            "futures held at once; coverage is that of a sample."
+        )
+    coverage = {config.split: templates.coverage(shown)}
     try:
         other = rows_of_split(index, config.data.root, config.data.version, config.coverage_split)
         held_out = mine_futures(index, other, "sweeps", config.dask).xy_m
@@ -79,9 +96,9 @@ def fit(config: FitTemplatesConfig) -> TemplateSet:
     card = {
         "data": {"version": config.data.version, "name": Path(config.data.root).resolve().name},
         "split": config.split,
-        "num_scenes": num_scenes,
+        "num_scenes": len(scenes),
         "starts": "every LIDAR_TOP sweep with 5 s of recorded future",
-        "num_left_out": futures.num_left_out,
+        "num_left_out": num_left_out,
         "coverage": {name: asdict(value) for name, value in coverage.items()},
     }
     templates = replace(templates, card=templates.card | card)
@@ -96,6 +113,29 @@ def fit(config: FitTemplatesConfig) -> TemplateSet:
         )
     print(f"Wrote {config.k} templates to {out} (card {out.stem}.json, picture {out.stem}.png).")
     return templates
+
+
+def _fit_all(
+    index: SampleIndex, rows: NDArray[np.int64], config: FitTemplatesConfig
+) -> tuple[TemplateSet, FloatArray]:
+    """Templates, and the futures they were fitted to."""
+    futures = mine_futures(index, rows, "sweeps", config.dask).xy_m
+    return fit_templates(futures, config.k, config.seed), futures
+
+
+def _fit_stream(
+    index: SampleIndex, rows: NDArray[np.int64], config: FitTemplatesConfig
+) -> tuple[TemplateSet, FloatArray]:
+    """Templates, and some futures."""
+    scene_of_row = index.sample_scene[rows]
+    scenes = np.unique(scene_of_row)
+
+    def chunks() -> Iterator[FloatArray]:
+        for first in range(0, len(scenes), _SCENES_A_CHUNK):
+            own = rows[np.isin(scene_of_row, scenes[first : first + _SCENES_A_CHUNK])]
+            yield mine_futures(index, own, "sweeps", config.dask).xy_m
+
+    return fit_templates_stream(chunks, config.k, config.seed)
 
 
 def main() -> None:
