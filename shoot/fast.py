@@ -30,7 +30,7 @@ class FastPlanner:
 
     Samples run one by one, so that one compilation serves batches of all sizes; a rig with another
     number of cameras takes another one. The first call compiles, for up to a minute; torch keeps
-    compiled code on disk ($TORCHINDUCTOR_CACHE_DIR), and later processes start in seconds. Where
+    compiled code on disk ($TORCHINDUCTOR_CACHE_DIR), and later processes start sooner. Where
     compiling fails, for want of a C++ compiler say, it runs uncompiled and says so.
 
     Attributes:
