@@ -210,7 +210,8 @@ def fit_templates_stream(
     with `fit_templates`; see `clustering.cluster_stream`.
 
     Args:
-        chunks: Begins the stream of [M, T, 2] chunks anew; it is read three times.
+        chunks: Begins the stream of [M, T, 2] chunks anew; it is read three times, and its
+            beginning once more.
         k: Number of templates.
         seed: Of samples and choice.
 
@@ -220,12 +221,10 @@ def fit_templates_stream(
     Raises:
         DataError: If there are fewer futures than templates, or too few distinct ones.
     """
-    shape = next((chunk.shape[1:] for chunk in chunks()), None)
-    num_futures = sum(len(chunk) for chunk in chunks())
-    if shape is None or k < 1 or num_futures < k:
+    shape = next((chunk.shape[1:] for chunk in chunks() if len(chunk)), None)
+    if shape is None or k < 1:
         raise DataError(
-            f"Cannot fit {k} templates to {num_futures} trajectories; "
-            "choose a smaller k or give more scenes."
+            f"Cannot fit {k} templates to {'no' if shape is None else 'any'} trajectories."
         )
     clusters = cluster_stream(lambda: (c.reshape(len(c), -1) for c in chunks() if len(c)), k, seed)
     points = clusters.centres.reshape(k, *shape).astype(np.float32)

@@ -142,7 +142,9 @@ def test_templates_of_a_stream(tmp_path: Path) -> None:
     assert TemplateSet.load(tmp_path / "t.npz").card["method"].startswith("mini-batch")
 
 
-@pytest.mark.parametrize(("num", "what"), [(5, "Cannot fit 9"), (50, "Only 1 of 50")])
+@pytest.mark.parametrize(
+    ("num", "what"), [(0, "Cannot fit 9 templates to no"), (5, "Only 1 of 5"), (50, "Only 1 of 50")]
+)
 def test_a_stream_of_too_few_is_refused(num: int, what: str) -> None:
     with pytest.raises(DataError, match=what):
         fit_templates_stream(lambda: [np.ones((num, 20, 2))], k=9, seed=0)

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -15,7 +14,6 @@ import torch
 from benchmarks import big_tables, fitting, index, learning, lift_splat, loading, planning
 from benchmarks.machine import Machine
 from benchmarks.measuring import Pair, Side, Spread, compare, measured
-from shoot.allocation import keep_freed_memory
 from shoot.precision import fastest_precision
 
 
@@ -90,7 +88,7 @@ def splat_rows(setting: Setting) -> Iterator[Row]:
         "embedding bag, index built anew",
         compare(
             lift_splat.plain_training,
-            partial(_keeping, lift_splat.fast_training_new),
+            lift_splat.fast_training_new,
             setting.repeats,
             fast_calls=3,
         ),
@@ -99,7 +97,7 @@ def splat_rows(setting: Setting) -> Iterator[Row]:
     )
     pair = compare(
         lift_splat.plain_training,
-        partial(_keeping, lift_splat.fast_training_static),
+        lift_splat.fast_training_static,
         setting.repeats,
         fast_calls=3,
     )
@@ -121,7 +119,7 @@ def splat_rows(setting: Setting) -> Iterator[Row]:
         "embedding bag",
         compare(
             lift_splat.plain_forward,
-            partial(_keeping, lift_splat.fast_forward_static),
+            lift_splat.fast_forward_static,
             setting.repeats,
             fast_calls=5,
         ),
@@ -343,12 +341,6 @@ def _workers_mb(root: Path, cache: Path, num_workers: int) -> float:
 def _workers(root: Path, cache: Path, num_workers: int) -> Callable[[], float]:
     os.environ["SHOOT_CACHE"] = str(cache)
     return loading.workers_mb(root, big_tables.VERSION, num_workers)
-
-
-def _keeping(prepare: Callable[[], Callable[[], Any]]) -> Callable[[], Any]:
-    """A side whose process keeps freed memory, as training does."""
-    keep_freed_memory()
-    return prepare()
 
 
 ROWS: dict[str, Callable[[Setting], Iterator[Row]]] = {
