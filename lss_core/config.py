@@ -67,12 +67,12 @@ class ImageConfig:
 
 @dataclass(frozen=True)
 class ModelConfig:
-    """The network from images to map.
+    """The network from images or lidar points to map.
 
     Attributes:
         backbone: Name of a timm model for the images, or `plain-16-32-64-128` (see ImageEncoder).
         pretrained: `timm` (downloads ImageNet weights), `none`, or the path of a weights file.
-        context_channels: C, the length of a pixel's context vector.
+        context_channels: C, the length of a pixel's context vector or of a lidar pillar's features.
         image_stride: Pixels per feature cell, 8 or 16.
         neck_channels: Width of the convolutions that join the backbone's two strides.
         stem_channels: Width of the BEV network's first stage (paper: 64, then 128, 256).
@@ -110,6 +110,8 @@ class DataConfig:
         version: Name of the tables' folder.
         image: Image size and augmentation.
         cameras: Channels used, in this order.
+        lidar_scans: 0: the planner sees images. More: it sees this many lidar scans instead, the
+            keyframe's and those before it.
         ego_motion: Whether each camera's own pose at its own time is used (the released code does
             not).
         skip_missing: Leave out samples whose image files are absent, and count them, instead of
@@ -123,8 +125,13 @@ class DataConfig:
     version: str = "v1.0-trainval"
     image: ImageConfig = field(default_factory=ImageConfig)
     cameras: tuple[str, ...] = CAMERAS
+    lidar_scans: int = 0
     ego_motion: bool = True
     skip_missing: bool = False
     drop_cameras: int = 0
     extrinsic_noise_rad: float = 0.0
     extrinsic_noise_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.lidar_scans < 0:
+            raise ValueError(f"lidar_scans must be 0 or more, got {self.lidar_scans}.")

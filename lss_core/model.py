@@ -1,14 +1,15 @@
-"""The camera model: images of a rig and its calibration in, a bird's-eye-view map out."""
+"""The models: what the sensors of a car see in, a bird's-eye-view map out."""
 
 import torch
-from jaxtyping import Bool, Float, Shaped
+from jaxtyping import Bool, Float, Int, Shaped
 from torch import Tensor, nn
 
 from lss_core.batch import Batch
 from lss_core.bev_encoder import BevEncoder
 from lss_core.camera import frustum_points
-from lss_core.config import ModelConfig
+from lss_core.config import DataConfig, ModelConfig
 from lss_core.image_encoder import ImageEncoder
+from lss_core.lidar_encoder import PillarEncoder
 from lss_core.splat import SplatCache, SplatIndex, build_splat_index, pool
 
 
@@ -50,13 +51,7 @@ class CameraModel(nn.Module):
             stride=config.image_stride,
             neck_channels=config.neck_channels,
         )
-        self.bev_encoder = BevEncoder(
-            in_channels=config.context_channels,
-            out_channels=out_channels,
-            stem_channels=config.stem_channels,
-            decoder_channels=config.decoder_channels,
-            head_init_std=config.head_init_std,
-        )
+        self.bev_encoder = _bev_encoder(config, out_channels)
 
     def forward(
         self,
@@ -170,6 +165,68 @@ class CameraModel(nn.Module):
             self.cache.put(keys[b], index)
             found[b] = index
         return [index for index in found if index is not None]
+
+
+class LidarModel(nn.Module):
+    """Pillars of lidar points, and the same network behind them as behind the cameras'.
+
+    Paper: section 5.6 (planning from lidar, with PointPillars).
+
+    Args:
+        config: Sizes and choices; `context_channels` is the length of a pillar's features, and what
+            is about images plays no part.
+        out_channels: Channels of the map.
+    """
+
+    def __init__(self, config: ModelConfig, out_channels: int = 1) -> None:
+        super().__init__()
+        self.config = config
+        self.pillar_encoder = PillarEncoder(
+            config.grid, config.context_channels, config.z_min_m, config.z_max_m
+        )
+        self.bev_encoder = _bev_encoder(config, out_channels)
+
+    def forward(
+        self, points: Float[Tensor, "P 5"], offsets: Int[Tensor, " B"]
+    ) -> Float[Tensor, "B Cout X Y"]:
+        """The map on the grid's cells.
+
+        Args:
+            points: x, y, z in metres in `ego`, intensity 0 to 255, age in seconds; the samples'
+                one after the other.
+            offsets: Where each sample's begin.
+        """
+        output: Tensor = self.bev_encoder(self.pillar_encoder(points, offsets))
+        return output
+
+    def forward_batch(self, batch: Batch) -> Float[Tensor, "B Cout X Y"]:
+        """The map of each sample of a batch."""
+        output: Tensor = self(batch.points, batch.point_offsets)
+        return output
+
+
+def make_model(
+    config: ModelConfig, data: DataConfig, out_channels: int = 1
+) -> CameraModel | LidarModel:
+    """The model for what a data set gives: images, or lidar scans.
+
+    Raises:
+        ValueError: If the images are not a whole number of feature cells.
+        DataError: If the image backbone or its weights cannot be had.
+    """
+    if data.lidar_scans:
+        return LidarModel(config, out_channels)
+    return CameraModel(config, (data.image.height_px, data.image.width_px), out_channels)
+
+
+def _bev_encoder(config: ModelConfig, out_channels: int) -> BevEncoder:
+    return BevEncoder(
+        in_channels=config.context_channels,
+        out_channels=out_channels,
+        stem_channels=config.stem_channels,
+        decoder_channels=config.decoder_channels,
+        head_init_std=config.head_init_std,
+    )
 
 
 def _spread(values: Float[Tensor, "P ..."], present: Bool[Tensor, "M"]) -> Float[Tensor, "M ..."]:

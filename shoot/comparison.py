@@ -81,4 +81,4 @@ def baseline_log_probs(
 
 def _training_labels(run: TrainedRun) -> LabelledSplit:
     data: DataConfig = run.config.data
-    return load_split(data, run.config.train_split, run.templates, need_images=False)
+    return load_split(data, run.config.train_split, run.templates, need_files=False)

@@ -51,7 +51,7 @@ class TrainConfig:
         templates: Template file, made by shoot-fit-templates.
         out: Run folder.
         data: Which data.
-        model: Network from images to cost map.
+        model: Network from images or lidar points to cost map.
         planner: How the cost map is read.
         optim: Optimisation.
         train_split: Scenes trained on.
@@ -172,9 +172,13 @@ DEMO = replace(
     val_every=300,
     val_samples=120,
 )
+LIDAR1 = replace(SMALL, out="runs/lidar1", data=replace(SMALL.data, lidar_scans=1))
+LIDAR10 = replace(SMALL, out="runs/lidar10", data=replace(SMALL.data, lidar_scans=10))
 
 PRESETS: dict[str, tuple[str, TrainConfig]] = {
     "demo": ("Minutes on a laptop's CPU, on the synthetic world.", DEMO),
     "small": ("The preset of our reported results: 20 minutes on two cores.", SMALL),
+    "lidar1": ("As small, from one lidar scan instead of the cameras.", LIDAR1),
+    "lidar10": ("As small, from ten lidar scans (half a second, ego motion undone).", LIDAR10),
     "paper": ("The paper's sizes: EfficientNet-B0, 128x352, 200x200 cells, 300k steps.", PAPER),
 }

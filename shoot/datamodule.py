@@ -14,7 +14,7 @@ from torch.utils.data import DataLoader, Dataset, Sampler
 
 from lss_core.batch import Batch, collate
 from lss_core.config import DataConfig
-from lss_core.data.dataset import CameraDataset, usable_rows
+from lss_core.data.dataset import CameraDataset, LidarDataset, usable_rows
 from lss_core.data.samples import SampleIndex, load_index, rows_of_split
 from lss_core.errors import DataError
 from shoot.config import TrainConfig
@@ -62,7 +62,7 @@ def collate_plans(samples: Sequence[PlanBatch]) -> PlanBatch:
 
 @dataclass(frozen=True)
 class LabelledSplit:
-    """The keyframes of a split that have five seconds of future and all their images.
+    """The keyframes of a split that have five seconds of future and all their files.
 
     Attributes:
         index: Of the data set.
@@ -82,7 +82,7 @@ class LabelledSplit:
 
 
 def load_split(
-    data: DataConfig, split: str, templates: TemplateSet, need_images: bool = True
+    data: DataConfig, split: str, templates: TemplateSet, need_files: bool = True
 ) -> LabelledSplit:
     """Mine and label the keyframes of a split.
 
@@ -90,7 +90,7 @@ def load_split(
         data: Which data set.
         split: Which scenes.
         templates: To label with; of the mined horizon.
-        need_images: Look whether image files are there.
+        need_files: Look whether the files of images or sweeps are there.
 
     Raises:
         DataError: If the split is unknown or empty, files are missing, or no sample has a whole
@@ -108,8 +108,10 @@ def load_split(
         raise DataError(
             f"No sample of split '{split}' in {Path(data.root) / data.version} has a whole future."
         )
-    if need_images:
-        usable = usable_rows(index, Path(data.root), futures.sample, data.skip_missing)
+    if need_files:
+        usable = usable_rows(
+            index, Path(data.root), futures.sample, data.skip_missing, data.lidar_scans
+        )
         futures = futures.select(np.isin(futures.sample, usable))
     return LabelledSplit(index, futures, templates.nearest(futures.xy_m))
 
@@ -119,16 +121,21 @@ class PlanningDataset(Dataset[PlanBatch]):
 
     def __init__(self, split: LabelledSplit, data: DataConfig, seed: int) -> None:
         self.split = split
-        self.cameras = CameraDataset(split.index, split.futures.sample, data, seed)
+        rows = split.futures.sample
+        self.sensors: CameraDataset | LidarDataset = (
+            LidarDataset(split.index, rows, data)
+            if data.lidar_scans
+            else CameraDataset(split.index, rows, data, seed)
+        )
 
     def __len__(self) -> int:
-        return len(self.cameras)
+        return len(self.split.labels)
 
     def __getitem__(self, item: tuple[int, int]) -> PlanBatch:
         """One sample, without batch dimension."""
         position = item[0]
         return PlanBatch(
-            self.cameras[item],
+            self.sensors[item],
             torch.from_numpy(self.split.futures.xy_m[position]).float(),
             torch.tensor(self.split.labels[position]),
         )

@@ -1,15 +1,20 @@
-"""What training adds to Lightning's loop: progress, true steps, several processes as one."""
+"""What training adds to Lightning's loop: progress, time, true steps, several processes as one."""
 
+import json
 import logging
 import subprocess
+import time
+from pathlib import Path
 
 import pytorch_lightning as pl
 from pytorch_lightning.callbacks import Callback, RichProgressBar
 from pytorch_lightning.plugins import LayerSync
 from pytorch_lightning.strategies.launchers import _SubprocessScriptLauncher
+from pytorch_lightning.utilities import rank_zero_only
 from torch import nn
 
 from lss_core.errors import DataError
+from lss_core.files import write_atomically
 from lss_core.sync_batchnorm import share_statistics
 
 logger = logging.getLogger(__name__)
@@ -50,6 +55,37 @@ class TrueStep(Callback):
     ) -> None:
         """Set the number that loggers are given."""
         trainer.fit_loop.epoch_loop._batches_that_stepped = trainer.global_step
+
+
+class TrainingTime(Callback):
+    """How long the run's rounds have taken, validation included, over all its resumptions.
+
+    Args:
+        file: Written at the end of the run: a JSON object with `train_s`.
+    """
+
+    def __init__(self, file: Path) -> None:
+        self._file = file
+        self._before_s = 0.0
+        self._started_s = time.monotonic()
+
+    def on_train_start(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
+        """Start the clock."""
+        self._started_s = time.monotonic()
+
+    def state_dict(self) -> dict[str, float]:
+        """What a checkpoint keeps: lost work is not counted."""
+        return {"train_s": self._before_s + time.monotonic() - self._started_s}
+
+    def load_state_dict(self, state_dict: dict[str, float]) -> None:
+        """Go on from a checkpoint's time."""
+        self._before_s = state_dict["train_s"]
+
+    @rank_zero_only
+    def on_train_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
+        """Write it down."""
+        with write_atomically(self._file) as stream:
+            stream.write((json.dumps(self.state_dict()) + "\n").encode())
 
 
 class JointStatistics(LayerSync):

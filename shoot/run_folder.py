@@ -50,6 +50,11 @@ class RunFolder:
         """What was logged while training."""
         return self.folder / "metrics.csv"
 
+    @property
+    def time_file(self) -> Path:
+        """How long the finished run has trained."""
+        return self.folder / "training_time.json"
+
     def begin(self, config: TrainConfig, templates: TemplateSet) -> Path | None:
         """Write what the run is; returns the checkpoint to resume from, if any.
 

@@ -18,11 +18,11 @@ from torch.optim import Optimizer
 
 from lss_core.batch import Batch
 from lss_core.errors import DataError
-from lss_core.model import CameraModel
+from lss_core.model import make_model
 from shoot.allocation import keep_freed_memory
 from shoot.config import OptimConfig, Precision, TrainConfig
 from shoot.datamodule import PlanBatch, PlanningData, check_shares
-from shoot.loop_callbacks import EndTogether, JointStatistics, RoundProgress, TrueStep
+from shoot.loop_callbacks import EndTogether, JointStatistics, RoundProgress, TrainingTime, TrueStep
 from shoot.metrics import PlanningMetrics
 from shoot.metrics_file import MetricsFile
 from shoot.planner import Planner
@@ -34,7 +34,7 @@ logger = logging.getLogger(__name__)
 
 
 class PlanningModule(pl.LightningModule):
-    """Images to scores of all templates, and the loss that trains it.
+    """Sensors to scores of all templates, and the loss that trains it.
 
     Paper: sections 3.3 and 5.6.
     """
@@ -43,8 +43,7 @@ class PlanningModule(pl.LightningModule):
         super().__init__()
         self.config = config
         self.templates_sha256 = templates.sha256
-        image = config.data.image
-        self.model = CameraModel(config.model, (image.height_px, image.width_px))
+        self.model = make_model(config.model, config.data)
         self.planner = Planner(torch.tensor(templates.points), config.model.grid, config.planner)
         self.val_metrics = PlanningMetrics()
 
@@ -225,6 +224,7 @@ def make_trainer(config: TrainConfig, run: RunFolder, resume: bool = False) -> p
             ),
             LearningRateMonitor("step"),
             RoundProgress(config.optim.steps, config.val_every),
+            TrainingTime(run.time_file),
             EndTogether(),
         ],
         enable_model_summary=False,

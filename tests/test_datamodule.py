@@ -79,7 +79,7 @@ def test_samples_without_images_leave_the_split(
     ]
     assert split.futures.num_left_out == 10 + 1
     assert len(split.labels) == 6
-    assert len(load_split(own, "train", templates, need_images=False).labels) == 7
+    assert len(load_split(own, "train", templates, need_files=False).labels) == 7
 
 
 def test_split_without_whole_futures_is_refused(

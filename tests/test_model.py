@@ -170,7 +170,8 @@ def test_bytes_and_fractions_are_the_same_image() -> None:
     images, intrinsics, poses = _rig()
     model = _model()
     expected = model(images, intrinsics, poses)
-    batch = Batch(images / 255.0, intrinsics, poses, _mask(images), torch.arange(2))
+    no_points = torch.zeros(0, 5), torch.zeros(2, dtype=torch.long)
+    batch = Batch(images / 255.0, intrinsics, poses, _mask(images), torch.arange(2), *no_points)
     torch.testing.assert_close(model.forward_batch(batch), expected, atol=1e-5, rtol=1e-4)
 
 

@@ -1,5 +1,6 @@
 """One sample of the index -> one Batch item."""
 
+import functools
 import logging
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from torch.utils.data import Dataset
 from lss_core.batch import Batch
 from lss_core.config import DataConfig
 from lss_core.data.images import draw_pixel_map, load_image, open_image
+from lss_core.data.lidar import load_scans, recent_sweeps
 from lss_core.data.samples import SampleIndex
 from lss_core.errors import DataError
 from lss_core.geometry import FloatArray, invert
@@ -35,47 +37,62 @@ def ego_from_camera(index: SampleIndex, row: int, ego_motion: bool = True) -> Fl
 
 
 def usable_rows(
-    index: SampleIndex, root: Path, rows: NDArray[np.int64], skip_missing: bool
+    index: SampleIndex,
+    root: Path,
+    rows: NDArray[np.int64],
+    skip_missing: bool,
+    lidar_scans: int = 0,
 ) -> NDArray[np.int64]:
-    """The samples whose images are all on disk; a camera that the tables do not list may be absent.
+    """The samples whose files are all on disk; a camera that the tables do not list may be absent.
 
     Args:
         index: Of the data set.
         root: Its folder.
         rows: [R] samples to look at.
         skip_missing: Leave out samples with absent files and say how many, instead of stopping.
+        lidar_scans: Look for this many lidar scans instead of images.
 
     Raises:
-        DataError: If a file is absent (or a sample has no image at all) and `skip_missing` is off,
-            or if nothing is left.
+        DataError: If a file is absent (or a sample has no image or sweep at all) and `skip_missing`
+            is off, or if nothing is left.
     """
     present = np.ones(len(rows), dtype=bool)
+    what = "lidar sweeps" if lidar_scans else "images"
     example = ""
-    for i, row in enumerate(rows):
-        paths = index.image_path[row][index.has_camera[row]]
-        absent = [path for path in paths if not (root / path).is_file()]
-        if absent or not len(paths):
+    is_file = functools.cache(lambda path: (root / path).is_file())
+    for i, row in enumerate(rows.tolist()):
+        paths = _sensor_files(index, row, lidar_scans)
+        absent = [path for path in paths if not is_file(path)]
+        if absent or not paths:
             present[i] = False
             token = index.sample_token[row]
             example = example or (
-                f"'{root / absent[0]}' is missing"
-                if absent
-                else f"sample {token} has no image of {', '.join(index.cameras)}"
+                f"'{root / absent[0]}' is missing" if absent else f"sample {token} has no {what}"
             )
     left_out = int((~present).sum())
     if left_out and not skip_missing:
         raise DataError(
-            f"{left_out} of {len(rows)} samples lack images: {example}; complete the data set or "
+            f"{left_out} of {len(rows)} samples lack {what}: {example}; complete the data set or "
             "leave such samples out with --data.skip-missing."
         )
     if left_out == len(rows):
-        raise DataError(f"None of {len(rows)} samples has all its images: {example}.")
+        raise DataError(f"None of {len(rows)} samples has all its {what}: {example}.")
     if left_out:
         logger.warning(
-            "Left out %d of %d samples without images: %s.", left_out, len(rows), example
+            "Left out %d of %d samples without %s: %s.", left_out, len(rows), what, example
         )
     usable: NDArray[np.int64] = rows[present]
     return usable
+
+
+def _sensor_files(index: SampleIndex, row: int, lidar_scans: int) -> list[str]:
+    """What a planner reads of a sample, relative to the data root."""
+    if not lidar_scans:
+        paths: list[str] = index.image_path[row][index.has_camera[row]].tolist()
+        return paths
+    if not index.lidar_path[row]:
+        return []
+    return [index.sweep_path[sweep].decode() for sweep in recent_sweeps(index, row, lidar_scans)]
 
 
 class CameraDataset(Dataset[Batch]):
@@ -128,6 +145,8 @@ class CameraDataset(Dataset[Batch]):
             ego_from_camera=torch.from_numpy(poses.astype(np.float32)),
             camera_mask=torch.from_numpy(mask),
             sample_idx=torch.tensor(row),
+            points=torch.zeros(0, 5),
+            point_counts=torch.tensor(0),
         )
 
     def _raw_hw(self, row: int, camera: int) -> tuple[int, int]:
@@ -157,3 +176,36 @@ class CameraDataset(Dataset[Batch]):
         noisy[:, :3, :3] = poses[:, :3, :3] @ turn.as_matrix()
         noisy[:, :3, 3] += rng.normal(0.0, config.extrinsic_noise_m, (num, 3))
         return noisy
+
+
+class LidarDataset(Dataset[Batch]):
+    """Lidar scans of samples; nothing about them is random.
+
+    Items are asked for as `(position, draw)`, as from `CameraDataset`.
+    """
+
+    def __init__(self, index: SampleIndex, rows: NDArray[np.int64], config: DataConfig) -> None:
+        self.index = index
+        self.rows = rows
+        self.config = config
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __getitem__(self, item: tuple[int, int]) -> Batch:
+        """The sample at a position, without batch dimension.
+
+        Raises:
+            DataError: If a sweep is missing or damaged.
+        """
+        row = int(self.rows[item[0]])
+        points = load_scans(self.index, Path(self.config.root), row, self.config.lidar_scans)
+        return Batch(
+            images=torch.zeros(0, 3, 1, 1),
+            pixel_from_camera=torch.zeros(0, 3, 3),
+            ego_from_camera=torch.zeros(0, 4, 4),
+            camera_mask=torch.zeros(0, dtype=torch.bool),
+            sample_idx=torch.tensor(row),
+            points=torch.from_numpy(points),
+            point_counts=torch.tensor(len(points)),
+        )

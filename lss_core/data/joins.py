@@ -21,7 +21,7 @@ from lss_core.errors import DataError
 from lss_core.geometry import FloatArray, rigid_from_quaternion
 
 # Columns of channels: the cameras' follow that of the lidar.
-_LIDAR, _OTHER, _UNSEEN = 0, -1, -2
+LIDAR, _OTHER, _UNSEEN = 0, -1, -2
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Frames:
         time_us: [F].
         calibration: [F] row of its calibration.
         pose_token: Of the car at its time.
-        filename: Of keyframes only; empty for others.
+        filename: Of keyframes and LIDAR_TOP sweeps; empty for others.
         image_hw: [F, 2] 0 where the table has none.
     """
 
@@ -129,7 +129,7 @@ def _join(
     reader = _FrameReader(folder, sensors, samples, calibrations, cameras)
     frames = reader.read(np.zeros(len(samples), dtype=bool))
     has_lidar = np.zeros(len(scenes), dtype=bool)
-    has_lidar[sample_scene[frames.sample[frames.channel == _LIDAR]]] = True
+    has_lidar[sample_scene[frames.sample[frames.channel == LIDAR]]] = True
     if not has_lidar[sample_scene].all():
         frames = reader.read(~has_lidar[sample_scene])
     keyframe = _keyframes(frames, len(samples), len(reader.columns))
@@ -144,7 +144,7 @@ def _join(
         global_from_ego=_poses(folder, frames.pose_token),
         ego_from_sensor=_mountings(calibrations, _used(frames, keyframe)),
         rawpixel_from_camera=_intrinsics(calibrations, _used(frames, images)),
-        lidar=keyframe[:, _LIDAR],
+        lidar=keyframe[:, LIDAR],
         images=images,
         track=track,
         track_start=track_start,
@@ -193,7 +193,7 @@ class _FrameReader:
         )
         channel = self._channels(calibration)
         is_key = np.asarray([bool(r.is_key_frame) for r in records], dtype=bool)
-        kept = np.flatnonzero((channel == _LIDAR) | (is_key & (channel != _OTHER)) | whole[sample])
+        kept = np.flatnonzero((channel == LIDAR) | (is_key & (channel != _OTHER)) | whole[sample])
         own = [records[row] for row in kept.tolist()]
         return Frames(
             sample=sample[kept],
@@ -202,7 +202,10 @@ class _FrameReader:
             time_us=np.asarray([r.timestamp for r in own], dtype=np.float64),
             calibration=calibration[kept],
             pose_token=[r.ego_pose_token for r in own],
-            filename=[r.filename if r.is_key_frame else "" for r in own],
+            filename=[
+                r.filename if r.is_key_frame or is_lidar else ""
+                for r, is_lidar in zip(own, (channel[kept] == LIDAR).tolist(), strict=True)
+            ],
             image_hw=np.asarray(
                 [(int(r.height or 0), int(r.width or 0)) for r in own], dtype=np.int64
             ).reshape(-1, 2),
@@ -233,7 +236,7 @@ def _tracks(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """[P] frames by scene and time, of several at one time the last; [C + 1] where scenes start."""
     scene, time_s = sample_scene[frames.sample], frames.time_us / 1e6
-    rows = np.flatnonzero((frames.channel == _LIDAR) | ~has_lidar[scene])
+    rows = np.flatnonzero((frames.channel == LIDAR) | ~has_lidar[scene])
     rows = rows[np.lexsort((time_s[rows], scene[rows]))]
     is_last = np.ones(len(rows), dtype=bool)
     is_last[:-1] = (np.diff(time_s[rows]) != 0.0) | (np.diff(scene[rows]) != 0)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lss_core.data.array_file import map_arrays, save_arrays
-from lss_core.data.joins import JoinedTables, join_tables
+from lss_core.data.joins import LIDAR, JoinedTables, join_tables
 from lss_core.data.splits import scenes_of_split
 from lss_core.data.tables import TABLES
 from lss_core.errors import DataError
@@ -24,7 +24,7 @@ from lss_core.geometry import FloatArray, interpolate_poses
 
 logger = logging.getLogger(__name__)
 
-_FORMAT = 2
+_FORMAT = 3
 
 
 # Texts are annotated `np.character`: checked at run time, `np.str_` stands for empty texts only.
@@ -59,6 +59,9 @@ class SampleIndex:
         track_time_s: [P].
         track_xy_m: [P, 2] ego origin in `global`.
         track_yaw_rad: [P] heading in `global`.
+        global_from_track: [P, 4, 4] the car at each pose.
+        sweep_path: [P] the pose's LIDAR_TOP sweep, relative to the data root, in UTF-8; empty in
+            scenes without lidar.
     """
 
     cameras: NDArray[np.character]
@@ -83,6 +86,8 @@ class SampleIndex:
     track_time_s: FloatArray
     track_xy_m: FloatArray
     track_yaw_rad: FloatArray
+    global_from_track: FloatArray
+    sweep_path: NDArray[np.character]
 
     def track(self, scene: int) -> slice:
         """Rows of a scene's poses."""
@@ -193,6 +198,7 @@ def _build_index(root: Path, version: str, cameras: tuple[str, ...]) -> SampleIn
     has_lidar, has_camera = lidar >= 0, images >= 0
     of_lidar, of_image = has_lidar[:, None, None], has_camera[:, :, None, None]
     filename = np.asarray(frames.filename, dtype=object)
+    is_sweep = frames.channel[tables.track] == LIDAR
     mounting, intrinsics = tables.ego_from_sensor, tables.rawpixel_from_camera
     time_s, global_from_ego = _ego_frames(tables, rows)
     track_pose = tables.global_from_ego[tables.track]
@@ -219,6 +225,15 @@ def _build_index(root: Path, version: str, cameras: tuple[str, ...]) -> SampleIn
         track_time_s=frames.time_us[tables.track] / 1e6,
         track_xy_m=track_pose[:, :2, 3].copy(),
         track_yaw_rad=np.arctan2(track_pose[:, 1, 0], track_pose[:, 0, 0]),
+        global_from_track=track_pose,
+        # Four times as small as texts: there is one for each of some hundred thousand sweeps.
+        sweep_path=np.asarray(
+            [
+                frames.filename[row].encode() if own else b""
+                for row, own in zip(tables.track.tolist(), is_sweep.tolist(), strict=True)
+            ],
+            dtype=np.bytes_,
+        ),
     )
 
 

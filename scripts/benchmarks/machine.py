@@ -39,7 +39,7 @@ def measure() -> Machine:
     """Try it; takes some seconds."""
     source, target = torch.ones(2**26), torch.zeros(2**26)
     return Machine(
-        name=_processor(),
+        name=processor_name(),
         cores=len(os.sched_getaffinity(0)),
         float32_flops=_product_flops(torch.float32),
         bfloat16_flops=_product_flops(torch.bfloat16),
@@ -62,7 +62,8 @@ def _best_s(function: object, repeats: int = 4) -> float:
     return best_s
 
 
-def _processor() -> str:
+def processor_name() -> str:
+    """Name of the processor, and whether it has matrix units."""
     cpuinfo = Path("/proc/cpuinfo")
     lines = cpuinfo.read_text().splitlines() if cpuinfo.exists() else []
     names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]

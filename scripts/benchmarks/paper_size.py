@@ -56,6 +56,8 @@ def batch(num_samples: int, num_cameras: int = 6) -> Batch:
         ego_from_camera=ego_from_camera,
         camera_mask=torch.ones(num_samples, num_cameras, dtype=torch.bool),
         sample_idx=torch.arange(num_samples),
+        points=torch.zeros(0, 5),
+        point_counts=torch.zeros(num_samples, dtype=torch.long),
     )
 
 

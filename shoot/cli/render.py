@@ -94,7 +94,9 @@ def _samples(trained: TrainedRun, config: RenderConfig) -> LabelledSplit:
     futures = mine_futures(index, rows, "keyframes")
     if not len(futures.sample):
         raise DataError("None of the samples asked for has five seconds of future.")
-    usable = usable_rows(index, Path(data.root), futures.sample, data.skip_missing)
+    usable = usable_rows(
+        index, Path(data.root), futures.sample, data.skip_missing, data.lidar_scans
+    )
     futures = futures.select(np.isin(futures.sample, usable))
     return LabelledSplit(index, futures, trained.templates.nearest(futures.xy_m))
 

@@ -21,5 +21,5 @@ def main() -> None:
             prefix_names=False,
         ),
         _fit,
-        "Train a camera planner: a preset, then overrides.",
+        "Train a planner: a preset, then overrides.",
     )

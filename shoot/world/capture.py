@@ -34,7 +34,7 @@ class SceneOrder:
         seed: Of the whole data set.
         duration_s: Length of the scene.
         keyframe_s: Time between keyframes, on average.
-        tail_s: Time at the end without keyframes.
+        tail_s: Time at the end whose keyframes have no images.
         image_scale: Share of 1600 x 900.
         lidar_azimuths: Lidar firings a turn.
         sweeps: Which sweeps get files.
@@ -55,13 +55,15 @@ class SceneOrder:
     tile: Tile
 
 
-def keyframe_steps(num_steps: int, rng: np.random.Generator, keyframe_s: float = 0.5) -> list[int]:
-    """Lidar turns (1 to `num_steps`) that are keyframes.
+def keyframe_steps(
+    num_steps: int, rng: np.random.Generator, keyframe_s: float = 0.5, first: int = 1
+) -> list[int]:
+    """Lidar turns (`first` to `num_steps`) that are keyframes.
 
     They are `keyframe_s` apart on average and, as in nuScenes, up to 0.1 s more or less.
     """
     apart = round(keyframe_s / LIDAR_PERIOD_S)
-    steps = [1]
+    steps = [first]
     while True:
         late = int(rng.choice([-2, -1, 0, 1, 2], p=[0.05, 0.2, 0.5, 0.2, 0.05]))
         steps.append(steps[-1] + apart + late)
@@ -126,7 +128,11 @@ def capture_scene(order: SceneOrder, town: Town, paint: Paint, root: Path) -> di
 
     num_steps = round(order.duration_s / LIDAR_PERIOD_S)
     tail_steps = round(order.tail_s / LIDAR_PERIOD_S)
-    keyframes = keyframe_steps(num_steps - tail_steps, rng, order.keyframe_s)
+    pictured = keyframe_steps(num_steps - tail_steps, rng, order.keyframe_s)
+    # Random numbers of their own, which change nothing about the images before the tail.
+    tail_rng = np.random.default_rng([scene_seed, 22])
+    tail = keyframe_steps(num_steps, tail_rng, order.keyframe_s, pictured[-1])[1:]
+    keyframes = [*pictured, *(tail if tail_steps else [])]
     for step in keyframes:
         time_us = round(step * LIDAR_PERIOD_S * 1e6)
         samples.append({
@@ -146,7 +152,8 @@ def capture_scene(order: SceneOrder, town: Town, paint: Paint, root: Path) -> di
         time_us = round(step * LIDAR_PERIOD_S * 1e6)
         row = record(LIDAR, time_us, samples[nearest]["token"], is_key_frame)
         turns.append(row)
-        if is_key_frame or order.sweeps == "all":
+        # Nothing reads the sweeps between the keyframes of the tail.
+        if is_key_frame or (order.sweeps == "all" and step <= num_steps - tail_steps):
             sweep = sensors.sweep(time_us / 1e6)
             _write_bytes(root / row["filename"], sweep.points.tobytes())
             if is_key_frame:
@@ -155,7 +162,7 @@ def capture_scene(order: SceneOrder, town: Town, paint: Paint, root: Path) -> di
 
     for camera in rig.cameras:
         shots: list[Row] = []
-        for step, sample in zip(keyframes, samples, strict=True):
+        for step, sample in zip(pictured, samples[: len(pictured)], strict=True):
             delay_us = round(camera.delay_s * 1e6 + rng.uniform(-1500, 1500))
             time_us = round(step * LIDAR_PERIOD_S * 1e6) + delay_us
             row = record(camera.channel, time_us, sample["token"], True)

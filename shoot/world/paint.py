@@ -12,6 +12,7 @@ import shapely
 import shapely.ops
 from numpy.typing import NDArray
 
+from shoot.world.meshes import Float32Array
 from shoot.world.town import FloatArray, RoadLine, Town
 
 ImageArray = NDArray[np.uint8]
@@ -79,6 +80,14 @@ class Paint:
 
     image: ImageArray
     cell_m: float
+
+    def albedo(self, places_m: FloatArray) -> Float32Array:
+        """Share of light that the ground gives back at places [P, 2]: what a lidar measures."""
+        last = self.image.shape[0] - 1
+        cells = np.clip((places_m + MARGIN_M) / self.cell_m, 0, last).astype(np.int64)
+        display = self.image[cells[:, 1], cells[:, 0], :3].mean(axis=1) / 255.0
+        # Display colours are square roots of light.
+        return np.asarray(display**2, np.float32)
 
 
 def paint_unlit(town: Town, cell_m: float) -> Paint:

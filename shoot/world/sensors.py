@@ -93,6 +93,7 @@ class CitySensors:
         self.rig = rig
         self.light: Light = light_of(look)
         self._seed = seed
+        self._paint = paint
         self._ground = light_ground(paint, town, self.light)
         self.movers = Movers(recording)
         self._scenery = Scenery(town, self.light)
@@ -136,27 +137,35 @@ class CitySensors:
         return film.develop(picture, self.light, self._grain, rng)
 
     def sweep(self, time_s: float) -> Sweep:
-        """Turn the lidar once, as if in an instant."""
+        """Turn the lidar once, as if in an instant.
+
+        Each turn's firings start at an angle of their own, as nothing locks them to the car, so
+        that several turns together see between the beams of one.
+        """
         x, y, yaw = ego_pose(self.recording, time_s)
         turn = rotation_z(yaw)
         lidar_m = turn @ self.rig.ego_from_lidar[:3, 3] + np.array([x, y, 0.0])
         town_from_lidar = turn @ self.rig.ego_from_lidar[:3, :3]
-        beams = self._beams @ town_from_lidar.T.astype(np.float32)
+        rng = np.random.default_rng([self._seed, round(time_s * 1e6), 99])
+        phase_rad = rng.random() * 2.0 * np.pi / self.rig.lidar_azimuths
+        beams_lidar = self._beams @ rotation_z(phase_rad).T.astype(np.float32)
+        beams = beams_lidar @ town_from_lidar.T.astype(np.float32)
         moving = self._moving_near(lidar_m, time_s)
         hits = cast(lidar_m, beams, self._standing, moving)
-        rng = np.random.default_rng([self._seed, round(time_s * 1e6), 99])
         loss = 0.03 + 0.12 * self.light.wetness
         kept = (hits.distance_m < LIDAR_REACH_M) & (rng.random(len(beams)) > loss)
         # A flat beam on the road returns next to nothing.
         kept &= ~hits.is_ground | (hits.distance_m < 45.0)
         distance = hits.distance_m + rng.normal(0.0, 0.015, len(beams)).astype(np.float32)
-        albedo = np.full(len(beams), 0.14, np.float32)
+        # Of what meets nothing, which is not kept, too.
+        ground_m = lidar_m[:2] + beams[:, :2] * np.minimum(hits.distance_m, LIDAR_REACH_M)[:, None]
+        albedo = self._paint.albedo(ground_m)
         for faces, solid in ((hits.standing, self._standing), (hits.moving, moving)):
             met = np.flatnonzero(faces >= 0)
             albedo[met] = solid.mesh.rgb[faces[met]].mean(axis=1)
         intensity = np.clip(albedo * 180.0 + rng.normal(0, 3, len(beams)), 0, 255)
         points = np.column_stack(
-            [self._beams * distance[:, None], np.round(intensity), self._rings]
+            [beams_lidar * distance[:, None], np.round(intensity), self._rings]
         )
         objects = objects_met(hits, self._standing, moving)
         return Sweep(np.asarray(points[kept], np.float32), objects[kept])

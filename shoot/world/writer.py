@@ -34,7 +34,7 @@ from shoot.world.town import Town
 VERSION = "v1.0-trainval"
 CARD = "world.json"
 # Raise it whenever the same settings would give other bytes: a resumed run must not mix two worlds.
-WORLD_FORMAT = 2
+WORLD_FORMAT = 3
 _PARTS = ".parts"
 
 
@@ -48,15 +48,16 @@ class MakeWorldConfig:
         val_scenes: Scenes of the official `val` split (at most 150), one town each.
         seed: The same seed gives the same bytes.
         image_scale: Size of the images as a share of 1600 x 900.
-        sweeps: Which lidar sweeps get files: those of keyframes, or all (ten times as many).
+        sweeps: Which lidar sweeps get files: those of keyframes, or all outside the tail (ten
+            times as many; planners that read several scans need them).
         workers: Processes; changes nothing but the time it takes.
         dask: Address of a dask scheduler, as tcp://host:8786; its workers then make the scenes.
             They must see the folder under the same name.
         scenes_per_town: Training scenes that share a town.
         duration_s: Length of a scene.
         keyframe_s: Time between keyframes, on average (nuScenes: 0.5 s).
-        tail_s: Time at the end of a scene without keyframes: poses go on, as the future of the
-            keyframes before (nuScenes: 0 s).
+        tail_s: Time at the end of a scene whose keyframes have boxes and a sweep, but no images: it
+            is the future of the keyframes before (nuScenes: 0 s).
         lidar_azimuths: Lidar firings a turn (32 beams each); 0 takes fewer for smaller images.
     """
 

@@ -253,6 +253,33 @@ def test_lidar_frame_is_x_right_y_forward():
     assert set(np.unique(sweep.points[:, 4])) <= set(range(32))
 
 
+def test_lidar_sees_paint_by_its_brightness():
+    line = RoadLine(np.array([[0.0, 50.0], [150.0, 50.0]]), "stop")
+    city = sensors(replace(street(), lines=(line,)), recording())
+    points, _ = town_points(city, 1.0)
+    sweep = city.sweep(1.0)
+    ground = np.abs(points[:, 2]) < 0.1
+    offset = np.abs(points[:, 1] - 50.0)
+    paint, asphalt = ground & (offset < 0.15), ground & (offset > 0.6) & (offset < 3.0)
+    assert paint.sum() > 10
+    assert sweep.points[paint, 3].mean() > 2.5 * sweep.points[asphalt, 3].mean()
+
+
+def test_turns_of_the_lidar_see_between_each_others_beams():
+    city = sensors(street(house=True), recording())
+    azimuths = [
+        np.unique(np.arctan2(*sweep.points[sweep.points[:, 4] == 0, :2].T).round(5))
+        for sweep in (city.sweep(1.0), city.sweep(1.05))
+    ]
+    step_rad = 2.0 * np.pi / city.rig.lidar_azimuths
+    for own in azimuths:
+        # Each turn by itself: beams a whole number of steps apart.
+        steps = (own - own[0]) / step_rad
+        assert np.abs(steps - steps.round()).max() < 0.02
+    shift = (azimuths[1][0] - azimuths[0][0]) / step_rad
+    assert abs(shift - round(shift)) > 0.02
+
+
 def test_visible_share_of_hidden_and_free_cars():
     near = replace(car((48.0, 50.0), 0.0), size_m=np.array([8.0, 3.0, 4.0]))
     hidden, free = car((62.0, 50.0), 0.0), car((50.0, 62.0), 0.0)

@@ -400,15 +400,30 @@ def test_keyframes_come_unevenly_every_half_second():
     assert abs(steps.mean() - 10) < 0.5
 
 
-def test_poses_go_on_after_the_last_keyframe(tmp_path: Path):
-    make_world(config(tmp_path / "w", train_scenes=0, duration_s=2.0, keyframe_s=0.3, tail_s=1.0))
-    tables = tmp_path / "w" / VERSION
-    rows = {n: json.loads((tables / f"{n}.json").read_text()) for n in ("sample", "ego_pose")}
-    first, last = (
-        [row["timestamp"] for row in rows[name]][end]
-        for name, end in (("sample", 0), ("sample", -1))
+def test_keyframes_of_the_tail_have_boxes_and_a_sweep_but_no_images(tmp_path: Path):
+    plain = config(tmp_path / "plain", train_scenes=0, duration_s=1.0, keyframe_s=0.3)
+    tailed = config(
+        tmp_path / "w", train_scenes=0, duration_s=2.0, keyframe_s=0.3, tail_s=1.0, sweeps="all"
     )
-    lidar_us = [row["timestamp"] for row in rows["ego_pose"]]
-    assert len(rows["sample"]) >= 3
-    assert last - first < 1.0e6
-    assert max(lidar_us) - first == pytest.approx(1.95e6, abs=1e3)
+    make_world(plain)
+    make_world(tailed)
+    tables = tmp_path / "w" / VERSION
+    names = ("sample", "sample_data", "sample_annotation")
+    rows = {name: json.loads((tables / f"{name}.json").read_text()) for name in names}
+    first_us = rows["sample"][0]["timestamp"]
+    late = {r["token"] for r in rows["sample"] if r["timestamp"] - first_us >= 1.0e6}
+    assert len(late) >= 3
+    data = [row for row in rows["sample_data"] if row["sample_token"] in late]
+    assert {r["filename"].split("/")[1] for r in data if r["is_key_frame"]} == {"LIDAR_TOP"}
+    assert all((tmp_path / "w" / r["filename"]).is_file() for r in data if r["is_key_frame"])
+    assert {row["sample_token"] for row in rows["sample_annotation"]} >= late
+    # Sweeps between them are in the tables for their poses, without files.
+    turns = [r for r in data if not r["is_key_frame"] and r["timestamp"] - first_us > 1.0e6]
+    assert turns
+    assert not any((tmp_path / "w" / row["filename"]).exists() for row in turns)
+    # The tail changes nothing about the images before it.
+    images = sorted((tmp_path / "plain" / "samples").glob("CAM_*/*.jpg"))
+    assert images
+    for image in images:
+        again = tmp_path / "w" / image.relative_to(tmp_path / "plain")
+        assert again.stat().st_size == image.stat().st_size

@@ -1,0 +1,50 @@
+"""The training runs behind docs/results.md."""
+
+from dataclasses import dataclass
+
+SEEDS = (0, 1, 2)
+HALF = "train_half"  # a split of half the training scenes
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One training run.
+
+    Attributes:
+        planner: Name in the tables; runs that differ in the seed only share it.
+        preset: Of shoot-train.
+        seed: Of training.
+        flags: What else shoot-train is told.
+    """
+
+    planner: str
+    preset: str
+    seed: int
+    flags: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Of its run folder and of its record."""
+        return f"{self.planner}-{self.seed}"
+
+
+# The paper's Table 6.
+TABLE = tuple(
+    Experiment(planner, preset, seed)
+    for seed in SEEDS
+    for planner, preset in (("camera", "small"), ("lidar1", "lidar1"), ("lidar10", "lidar10"))
+)
+# What limits the camera planner: one thing changed at a time.
+LIMITS = (
+    Experiment("camera-half-data", "small", 0, ("--train-split", HALF)),
+    Experiment("lidar10-half-data", "lidar10", 0, ("--train-split", HALF)),
+    Experiment("camera-half-steps", "small", 0, ("--optim.steps", "2800")),
+    Experiment("lidar10-half-steps", "lidar10", 0, ("--optim.steps", "2800")),
+    Experiment(
+        "camera-half-resolution",
+        "small",
+        0,
+        ("--data.image.height-px", "32", "--data.image.width-px", "88"),
+    ),
+)
+ALL = TABLE + LIMITS

@@ -1,0 +1,246 @@
+"""The tables of docs/results.md, from the records of finished runs and nothing else."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from lss_core.errors import DataError
+from lss_core.files import write_atomically
+from planning_table.records import Record
+
+BEGIN, END = "<!-- table6 -->", "<!-- /table6 -->"
+
+# Lang et al.'s PointPillars and the camera planner, on nuScenes (the paper's Table 6).
+_PAPER = {
+    "camera": "15.52 / 19.94 / 27.99",
+    "lidar1": "19.27 / 28.88 / 41.93",
+    "lidar10": "24.99 / 35.39 / 49.84",
+}
+_PLANNERS = {"camera": "camera", "lidar1": "lidar, 1 scan", "lidar10": "lidar, 10 scans"}
+_BASELINES = {
+    "prior": "prior",
+    "blind": "blind planner",
+    "standing_still": "standing still",
+    "speed_prior": "prior per speed *",
+    "constant_velocity": "constant velocity *",
+    "constant_yaw_rate": "constant yaw rate *",
+    "past_motion": "past motion (MLP) *",
+}
+_MAIN = {"top5": "top-5, %", "top10": "top-10, %", "top20": "top-20, %", "nll": "NLL, nats"}
+_FURTHER = {
+    "ece": "ECE, %",
+    "brier": "Brier",
+    "expected_ade": "expected ADE, m",
+    "min_ade_10": "minADE_10, m",
+    "l2_upto_3s": "L2 up to 3 s, m",
+    "l2_at_3s": "L2 at 3 s, m",
+    "collision_3s": "collision 3 s, %",
+    "off_road_3s": "off-road 3 s, %",
+    "comfort": "comfort, %",
+}
+_ONE_DIGIT = {"top5", "top10", "top20", "ece", "off_road_3s", "comfort"}
+
+
+def write_tables(records: Sequence[Record], page: Path) -> None:
+    """Put the tables between the page's markers.
+
+    Raises:
+        DataError: If the page has no markers.
+    """
+    text = page.read_text(encoding="utf-8")
+    if not text.count(BEGIN) == text.count(END) == 1:
+        raise DataError(f"'{page}' must hold {BEGIN} and {END} once each; tables go between them.")
+    head, rest = text.split(BEGIN)
+    tail = rest.split(END)[1]
+    made = "\n\n".join(part for part in _tables(records) if part)
+    with write_atomically(page) as stream:
+        stream.write(f"{head}{BEGIN}\n\n{made}\n\n{END}{tail}".encode())
+
+
+def _tables(records: Sequence[Record]) -> list[str]:
+    runs = {name: [r for r in records if r["planner"] == name] for name in _PLANNERS}
+    runs = {name: own for name, own in runs.items() if own}
+    if not runs:
+        return ["No run is finished yet."]
+    return [
+        _setting(runs),
+        _planning_table(runs),
+        _difference_table(runs),
+        _further_table(runs),
+        _part_table(runs),
+        _speed_table(runs),
+        _limit_table(records),
+    ]
+
+
+def _setting(runs: dict[str, list[Record]]) -> str:
+    every = [record for own in runs.values() for record in own]
+    one = every[0]
+    world = one["world"]
+    seeds = ", ".join(
+        f"{_PLANNERS[name]}: {', '.join(str(r['seed']) for r in own)}" for name, own in runs.items()
+    )
+    minutes = {name: sum(r["train_s"] for r in own) / len(own) / 60.0 for name, own in runs.items()}
+    took = ", ".join(f"{_PLANNERS[name]} {value:.0f}" for name, value in minutes.items())
+    return (
+        f"{world['train_scenes']} training scenes, {one['num_scenes']} validation scenes, "
+        f"{one['num_samples']} validation samples; {one['steps']} steps of {one['batch_size']} "
+        f"samples. Seeds: {seeds}. Minutes of training a run, {one['runs_side_by_side']} side by "
+        f"side on {one['processor']}: {took}."
+    )
+
+
+def _planning_table(runs: dict[str, list[Record]]) -> str:
+    rows = []
+    for name, own in runs.items():
+        cells = [_spread(own, lambda r, m=metric: r["methods"]["model"][m], metric)  # type: ignore[misc]
+                 for metric in _MAIN]  # fmt: skip
+        rows.append([f"**{_PLANNERS[name]}**", *cells, _PAPER[name]])
+    one = next(iter(runs.values()))[0]
+    for name, label in _BASELINES.items():
+        if name in one["methods"]:
+            metrics = one["methods"][name]
+            rows.append([label, *(_interval(metrics[m], m) for m in _MAIN), ""])
+    header = ["planner", *_MAIN.values(), "paper, nuScenes: top-5 / 10 / 20, %"]
+    return (
+        "Planners: mean over seeds (smallest to largest). Baselines: value [95 % interval over "
+        "scenes]; those with a * know the car's own motion, which no image shows.\n\n"
+        + _markdown(header, rows)
+    )
+
+
+def _difference_table(runs: dict[str, list[Record]]) -> str:
+    rows = []
+    for name, own in runs.items():
+        for baseline in ("prior", "blind", "constant_velocity"):
+            cells = []
+            for metric, least in (("top10", min), ("nll", max)):
+                worst = least(
+                    (r["differences"][baseline][metric] for r in own), key=lambda d: d["value"]
+                )
+                cells.append(_interval(worst, metric, sign=True))
+            rows.append([_PLANNERS[name], _BASELINES[baseline], *cells])
+    return (
+        "Planner minus baseline on the same samples, for the seed in which the planner does worst "
+        "(paired 95 % intervals over scenes):\n\n"
+        + _markdown(["planner", "minus", "top-10, points", "NLL, nats"], rows)
+    )
+
+
+def _further_table(runs: dict[str, list[Record]]) -> str:
+    shown = {m: label for m, label in _FURTHER.items() if m in _first(runs)["methods"]["model"]}
+    rows = []
+    for name, own in runs.items():
+        rows.append(
+            [f"**{_PLANNERS[name]}**"]
+            + [_spread(own, lambda r, m=m: r["methods"]["model"][m], m) for m in shown]  # type: ignore[misc]
+        )
+    one = _first(runs)
+    for name, label in _BASELINES.items():
+        if name in one["methods"]:
+            rows.append([label, *(_value(one["methods"][name].get(m), m) for m in shown)])
+    rows.append(["nearest template", *(_value(_oracle(one, m), m) for m in shown)])
+    rows.append(["the driver", *(_value(one["driver"].get(m), m) for m in shown)])
+    return "Further figures, of the most probable template where one is chosen:\n\n" + _markdown(
+        ["planner", *shown.values()], rows
+    )
+
+
+def _oracle(record: Record, metric: str) -> dict[str, float] | None:
+    found: dict[str, float] | None = record["oracle"].get({"min_ade_10": "ade"}.get(metric, metric))
+    return found
+
+
+def _part_table(runs: dict[str, list[Record]]) -> str:
+    rows = []
+    one = _first(runs)
+    for kind in ("by_manoeuvre", "by_speed", "by_condition"):
+        for part, first in one[kind].items():
+            cells = [
+                _spread(
+                    own,
+                    lambda r, k=kind, p=part: r[k][p]["methods"]["model"]["top10"],  # type: ignore[misc]
+                    "top10",
+                )
+                for own in runs.values()
+            ]
+            baselines = [
+                _value(first["methods"].get(m, {}).get("top10"), "top10")
+                for m in ("prior", "speed_prior")
+            ]
+            rows.append([part, str(first["num_samples"]), *cells, *baselines])
+    header = ["part", "samples", *(_PLANNERS[name] for name in runs), "prior", "prior per speed *"]
+    return "Top-10 in per cent, part by part:\n\n" + _markdown(header, rows)
+
+
+def _speed_table(runs: dict[str, list[Record]]) -> str:
+    if "model_knowing_speed" not in _first(runs)["methods"]:
+        return ""
+    rows = []
+    for name, own in runs.items():
+        cells = []
+        for metric in ("top10", "nll"):
+            for method in ("model", "model_knowing_speed"):
+                cells.append(
+                    _spread(own, lambda r, m=method, k=metric: r["methods"][m][k], metric)  # type: ignore[misc]
+                )
+        rows.append([_PLANNERS[name], *cells])
+    header = ["planner", "top-10, %", "told the speed", "NLL, nats", "told the speed"]
+    return (
+        "The same planners, and what they would be if told the car's speed afterwards (their "
+        "probabilities times that of each template at this speed, over its probability at any):\n\n"
+        + _markdown(header, rows)
+    )
+
+
+def _limit_table(records: Sequence[Record]) -> str:
+    rows = []
+    for record in records:
+        if record["flags"] or record["seed"] == 0:
+            model = record["methods"]["model"]
+            label = f"`{record['name']}`" + (
+                f" ({' '.join(record['flags'])})" if record["flags"] else ""
+            )
+            rows.append([label, *(_interval(model[m], m) for m in ("top10", "nll", "min_ade_10"))])
+    if not any(record["flags"] for record in records):
+        return ""
+    return "One thing changed at a time (seed 0):\n\n" + _markdown(
+        ["run", "top-10, %", "NLL, nats", "minADE_10, m"], rows
+    )
+
+
+def _first(runs: dict[str, list[Record]]) -> Record:
+    return next(iter(runs.values()))[0]
+
+
+def _spread(own: Sequence[Record], of: Callable[[Record], dict[str, float]], metric: str) -> str:
+    """Mean over seeds, and the smallest and largest."""
+    values = [of(record)["value"] for record in own]
+    if any(value is None for value in values):
+        return "-"
+    mean = _number(sum(values) / len(values), metric)
+    if len(values) == 1:
+        return mean
+    return f"{mean} ({_number(min(values), metric)} to {_number(max(values), metric)})"
+
+
+def _interval(interval: dict[str, float], metric: str, sign: bool = False) -> str:
+    parts = [interval[key] for key in ("value", "low", "high")]
+    if any(part is None for part in parts):
+        return _value(interval, metric)
+    value, low, high = (_number(part, metric, sign) for part in parts)
+    return f"{value} [{low}, {high}]"
+
+
+def _value(interval: dict[str, float] | None, metric: str) -> str:
+    if interval is None or interval["value"] is None:
+        return "-"
+    return _number(interval["value"], metric)
+
+
+def _number(value: float, metric: str, sign: bool = False) -> str:
+    return f"{value:{'+' if sign else ''}.{1 if metric in _ONE_DIGIT else 2}f}"
+
+
+def _markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)

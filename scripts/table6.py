@@ -1,0 +1,75 @@
+"""The paper's Table 6 on the synthetic city: camera, one lidar scan, ten; three seeds each.
+
+    python scripts/table6.py [FOLDER] [--only camera lidar10] [--jobs 2]
+
+Makes the data set, trains, evaluates and writes the tables of docs/results.md; hours in all. Run
+again, it goes on where it was. Each finished run leaves a record in docs/results/, and the tables
+are made from these records alone: copied there from other machines, they count as done here.
+"""
+
+import os
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from planning_table.experiments import ALL
+from planning_table.page import write_tables
+from planning_table.records import load_records
+from planning_table.work import Place, prepare, run_all
+
+
+@dataclass(frozen=True)
+class TableConfig:
+    """What to run, and where.
+
+    Attributes:
+        folder: For data set, templates and runs; 25 GB.
+        only: Planners or runs, as `camera` or `lidar10-2`; all if not given.
+        jobs: Runs side by side; each gets its share of the cores.
+        records: Folder of the records.
+        page: Where the tables stand, between markers.
+        tables_only: Make the tables from the records and end.
+        train_scenes: Scenes to train on.
+        val_scenes: Scenes to evaluate on.
+        k: Number of templates.
+        flags: More arguments of shoot-train, for trials.
+    """
+
+    folder: Annotated[Path, tyro.conf.Positional] = Path("runs/table6")
+    only: tuple[str, ...] = ()
+    jobs: int = 2
+    records: Path = Path("docs/results")
+    page: Path = Path("docs/results.md")
+    tables_only: bool = False
+    train_scenes: int = 700
+    val_scenes: int = 100
+    k: int = 1000
+    flags: tuple[str, ...] = ()
+
+
+def table6(config: TableConfig) -> list[str]:
+    """Do what is left to do; returns the names of runs that failed."""
+    chosen = [
+        e for e in ALL if not config.only or e.planner in config.only or e.name in config.only
+    ]
+    if not chosen:
+        raise SystemExit(
+            f"No run is called {', '.join(config.only)}; there are "
+            f"{', '.join(e.name for e in ALL)}."
+        )
+    failed: list[str] = []
+    if not config.tables_only:
+        place = Place(config.folder, config.records)
+        workers = len(os.sched_getaffinity(0))
+        prepare(place, config.train_scenes, config.val_scenes, config.k, workers)
+        failed = run_all(chosen, place, config.jobs, config.flags)
+    write_tables(load_records(config.records), config.page)
+    return failed
+
+
+if __name__ == "__main__":
+    left = table6(tyro.cli(TableConfig, description=__doc__))
+    if left:
+        sys.exit(f"These runs failed: {', '.join(left)}.")

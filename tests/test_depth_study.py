@@ -1,0 +1,79 @@
+"""Depth told by the lidar: where points fall, what becomes of the distribution, and the study."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from world_fixture import TinyRun
+
+from lss_core.errors import DataError
+from shoot.datamodule import load_split
+from shoot.depth_study import (
+    DEPTHS,
+    format_depth_study,
+    lidar_depths,
+    study_depth,
+    tell_depth,
+)
+from shoot.metrics import negative_log_likelihood
+from shoot.prediction import open_run, predict
+
+DEPTHS_M = (4.0, 6.0, 8.0, 10.0)
+
+
+def test_the_nearest_point_of_a_cell_counts():
+    # A camera at 1.5 m that looks along x; 16 x 32 px in cells of 8.
+    pose = np.eye(4)
+    pose[:3, :3] = np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]])
+    pose[2, 3] = 1.5
+    intrinsics = np.array([[20.0, 0, 15.5], [0, 20.0, 7.5], [0, 0, 1]])
+    points = np.array([
+        [10.0, 0.1, 1.4],  # u = 15.3, v = 7.7: row 1, column 1
+        [7.0, 0.05, 1.45],  # nearer, the same cell
+        [5.0, -3.0, 1.6],  # u = 27.5, v = 7.1: row 0, column 3
+        [-5.0, 0.0, 1.5],  # behind
+        [5.0, 30.0, 1.5],  # beside the image
+    ])  # fmt: skip
+    seen = lidar_depths(points, intrinsics[None], pose[None], (16, 32), 8)
+    expected = np.full((1, 2, 4), np.nan)
+    expected[0, 1, 1], expected[0, 0, 3] = 7.0, 5.0
+    np.testing.assert_allclose(seen, expected)
+
+
+def test_known_depths_take_all_the_mass():
+    own = torch.full((1, 4, 1, 5), 0.25)
+    true_m = torch.tensor([[[4.9, 7.1, 10.9, 11.1, float("nan")]]])
+    told = tell_depth(own, true_m, DEPTHS_M)
+    assert told[0, :, 0, 0].tolist() == [1.0, 0.0, 0.0, 0.0]
+    assert told[0, :, 0, 1].tolist() == [0.0, 0.0, 1.0, 0.0]
+    assert told[0, :, 0, 2].tolist() == [0.0, 0.0, 0.0, 1.0]
+    for unknown in (3, 4):
+        assert told[0, :, 0, unknown].tolist() == [0.25] * 4
+
+
+def test_the_study_of_a_run(tiny_run: TinyRun, tmp_path: Path):
+    run = open_run(tiny_run.folder)
+    split = load_split(run.config.data, "val", run.templates)
+    study = study_depth(run, split, num_samples=6)
+    assert (study.num_samples, study.num_scenes) == (6, 3)
+    assert set(study.nll) == set(DEPTHS)
+    for name, change in study.nll_change.items():
+        assert change.value == pytest.approx(study.nll[name].value - study.nll["own"].value)
+    # Its own depths give what it says anyway.
+    own = negative_log_likelihood(predict(run, split, show_progress=False), split.labels)
+    asked = np.linspace(0, len(own) - 1, 6).round().astype(int)
+    assert study.nll["own"].value == pytest.approx(own[asked].mean(), abs=1e-4)
+    study.save(tmp_path / "study.json")
+    assert json.loads((tmp_path / "study.json").read_text())["num_samples"] == 6
+    text = format_depth_study(study)
+    assert all(name in text for name in (*DEPTHS, "4-10 m"))
+
+
+def test_lidar_planners_are_refused(tiny_run: TinyRun, monkeypatch: pytest.MonkeyPatch):
+    run = open_run(tiny_run.folder)
+    split = load_split(run.config.data, "val", run.templates)
+    monkeypatch.setattr(run.module, "model", torch.nn.Identity())
+    with pytest.raises(DataError, match="camera planners"):
+        study_depth(run, split)
