@@ -80,6 +80,29 @@ class Sensor(Record, gc=False):
     channel: str
 
 
+class Annotation(Record, gc=False):
+    """An object's box at a keyframe, in `global`; size is width, length, height."""
+
+    sample_token: str
+    instance_token: str
+    translation: tuple[float, float, float]
+    size: tuple[float, float, float]
+    rotation: tuple[float, float, float, float]
+
+
+class Instance(Record, gc=False):
+    """An object, seen in one scene."""
+
+    category_token: str
+
+
+class Category(Record, gc=False):
+    """A kind of object, as `vehicle.car`."""
+
+    name: str
+
+
+# Without these there is no index.
 TABLES: dict[type[Record], str] = {
     CalibratedSensor: "calibrated_sensor",
     EgoPose: "ego_pose",
@@ -90,12 +113,19 @@ TABLES: dict[type[Record], str] = {
     Sensor: "sensor",
 }
 
+# Read for evaluation only; a data set may lack them.
+ANNOTATION_TABLES: dict[type[Record], str] = {
+    Annotation: "sample_annotation",
+    Category: "category",
+    Instance: "instance",
+}
+
 RecordT = TypeVar("RecordT", bound=Record)
 
 
 def table_path(folder: Path, record_type: type[Record]) -> Path:
     """Where a version's folder has the table of a type of record."""
-    return folder / f"{TABLES[record_type]}.json"
+    return folder / f"{(TABLES | ANNOTATION_TABLES)[record_type]}.json"
 
 
 def read_table(folder: Path, record_type: type[RecordT]) -> list[RecordT]:

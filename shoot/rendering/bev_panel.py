@@ -11,13 +11,10 @@ from matplotlib.patches import FancyBboxPatch, Rectangle
 from matplotlib.patheffects import Normal, Stroke
 
 from lss_core.grid import BevGrid
+from shoot.footprint import EGO_LENGTH_M, EGO_REAR_M, EGO_WIDTH_M
 from shoot.rendering import palette
 from shoot.rendering.line_style import driven_style
 from shoot.rendering.sample_view import FloatArray, Ranking, SampleView, from_origin
-
-EGO_LENGTH_M = 4.1
-EGO_WIDTH_M = 1.85
-EGO_REAR_M = 1.0  # rear bumper to rear axle, which is the origin of `ego`
 
 
 def cost_range(cost_map: Float[FloatArray, "X Y"]) -> tuple[float, float]:

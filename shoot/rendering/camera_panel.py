@@ -8,6 +8,7 @@ from matplotlib.patheffects import Normal, Stroke
 from numpy.typing import NDArray
 
 from lss_core.camera import project
+from shoot.footprint import EGO_WIDTH_M
 from shoot.rendering import palette
 from shoot.rendering.line_style import driven_style
 from shoot.rendering.sample_view import FloatArray, Ranking, SampleView, from_origin
@@ -15,7 +16,6 @@ from shoot.rendering.sample_view import FloatArray, Ranking, SampleView, from_or
 NEAR_M = 0.5
 STEP_M = 0.1
 LIDAR_DEPTH_M = (3.0, 60.0)
-CAR_WIDTH_M = 1.85
 
 
 def subdivide(path_m: Float[FloatArray, "T D"], step_m: float) -> Float[FloatArray, "S D"]:
@@ -178,7 +178,7 @@ def _draw_planned(
     colour = palette.PROBABILITY(strength)
     path_m = ranking.paths_m[place]
     if place == 0:
-        for outline in project_ribbon(path_m, CAR_WIDTH_M, *camera, image_hw):
+        for outline in project_ribbon(path_m, EGO_WIDTH_M, *camera, image_hw):
             axes.add_patch(
                 Polygon(
                     outline,

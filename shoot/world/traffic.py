@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from shoot.footprint import EGO_LENGTH_M, EGO_REAR_M, EGO_WIDTH_M
 from shoot.world.curves import arc_lengths
 from shoot.world.driver import (
     ACCEL_MPS2,
@@ -313,13 +314,13 @@ def _new_car(town: Town, lane: Lane, at_m: float, route_m: float, rng: np.random
     if is_truck:
         size_m = np.array([rng.uniform(6.0, 6.4), 2.2, rng.uniform(2.6, 3.1)])
     else:
-        size_m = np.array([4.1, 1.85, rng.uniform(1.45, 1.7)])
+        size_m = np.array([EGO_LENGTH_M, EGO_WIDTH_M, rng.uniform(1.45, 1.7)])
     pace = float(np.clip(rng.normal(1.0, 0.01), 0.97, 1.03))
     route = plan_route(town, lane.lane_id, route_m, pace, rng)
     return Car(
         route=route,
         size_m=size_m,
-        rear_m=1.5 if is_truck else 1.0,
+        rear_m=1.5 if is_truck else EGO_REAR_M,
         style=int(rng.integers(1 << 16)),
         is_truck=is_truck,
         at_m=at_m,

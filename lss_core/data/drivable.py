@@ -1,0 +1,128 @@
+"""Where cars may drive: the drivable area of nuScenes' map expansion."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from lss_core.errors import DataError
+from lss_core.geometry import FloatArray
+
+
+class _Node(msgspec.Struct, gc=False):
+    token: str
+    x: float
+    y: float
+
+
+class _Hole(msgspec.Struct, gc=False):
+    node_tokens: list[str]
+
+
+class _Polygon(msgspec.Struct, gc=False):
+    token: str
+    exterior_node_tokens: list[str]
+    holes: list[_Hole]
+
+
+class _Area(msgspec.Struct, gc=False):
+    polygon_tokens: list[str]
+
+
+class _Map(msgspec.Struct, gc=False):
+    node: list[_Node]
+    polygon: list[_Polygon]
+    drivable_area: list[_Area]
+
+
+class DrivableArea:
+    """Polygons with holes, in `global`; what lies in one of them is drivable."""
+
+    def __init__(self, polygons: Sequence[shapely.Polygon]) -> None:
+        self.polygons = np.asarray(polygons, dtype=object)
+        shapely.prepare(self.polygons)
+        self._tree = shapely.STRtree(self.polygons)
+
+    def contains(self, xy_m: FloatArray) -> NDArray[np.bool_]:
+        """Whether points [..., 2] in `global` are drivable [...]; edges are.
+
+        Drivable polygons meet at edges, and a point on such an edge is on the road. It is fastest
+        if the points of each row of the first axis lie near each other: only polygons that the
+        bounding box of a row meets are asked.
+        """
+        inside = np.zeros(xy_m.shape[:-1], dtype=bool)
+        if not inside.size:
+            return inside
+        rows_m = xy_m.reshape(len(xy_m) if xy_m.ndim > 1 else 1, -1, 2)
+        rows_inside = inside.reshape(rows_m.shape[:-1])
+        bounds = shapely.box(*rows_m.min(axis=1).T, *rows_m.max(axis=1).T)
+        row, polygon = self._tree.query(bounds)
+        order = np.argsort(polygon, kind="stable")
+        row, polygon = row[order], polygon[order]
+        for number, first, num in zip(
+            *np.unique(polygon, return_index=True, return_counts=True), strict=True
+        ):
+            near = row[first : first + num]
+            x_m, y_m = rows_m[near, :, 0], rows_m[near, :, 1]
+            rows_inside[near] |= shapely.intersects_xy(self.polygons[number], x_m, y_m)
+        return inside
+
+
+def map_path(root: Path, location: str) -> Path:
+    """Where a data set has the map expansion of a location."""
+    return root / "maps" / "expansion" / f"{location}.json"
+
+
+def load_drivable_area(root: Path, location: str) -> DrivableArea:
+    """The drivable area of a location, as `boston-seaport`.
+
+    Args:
+        root: Of the data set, holds `maps`.
+        location: As the `log` table names it.
+
+    Raises:
+        DataError: If the map is missing or damaged.
+    """
+    path = map_path(root, location)
+    anew = "unpack the nuScenes map expansion (nuScenes-map-expansion-v1.3.zip)"
+    try:
+        layers = _parse(path.read_bytes())
+        return DrivableArea(_polygons(layers))
+    except FileNotFoundError as error:
+        raise DataError(f"The map '{path}' is missing; {anew} into '{root / 'maps'}'.") from error
+    except OSError as error:
+        raise DataError(f"The map '{path}' cannot be read: {error}.") from error
+    except KeyError as error:
+        raise DataError(f"The map '{path}' is damaged (no record {error}); {anew} anew.") from error
+    except (ValueError, RecursionError) as error:
+        raise DataError(f"The map '{path}' is damaged ({error}); {anew} anew.") from error
+
+
+def _parse(text: bytes) -> _Map:
+    try:
+        return msgspec.json.decode(text, type=_Map)
+    except msgspec.ValidationError:
+        raise
+    except msgspec.DecodeError:
+        # Python's own parser is slow, but knows NaN, which may stand in layers not read here.
+        return msgspec.convert(json.loads(text), _Map)
+
+
+def _polygons(layers: _Map) -> list[shapely.Polygon]:
+    place = {node.token: (node.x, node.y) for node in layers.node}
+    polygon_of = {polygon.token: polygon for polygon in layers.polygon}
+    polygons = []
+    # Several areas may share a polygon.
+    wanted = dict.fromkeys(token for area in layers.drivable_area for token in area.polygon_tokens)
+    for token in wanted:
+        record = polygon_of[token]
+        outline = [place[node] for node in record.exterior_node_tokens]
+        holes = [[place[node] for node in hole.node_tokens] for hole in record.holes]
+        # A ring of less than three points encloses nothing.
+        if len(outline) >= 3:
+            polygons.append(shapely.Polygon(outline, [hole for hole in holes if len(hole) >= 3]))
+    return polygons

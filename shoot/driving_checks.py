@@ -1,0 +1,191 @@
+"""Whether a path hits an annotated box or leaves the drivable area, per sample and horizon.
+
+Collision within h seconds: at one of the path's times up to h the ego's footprint, a rectangle that
+turns with the path, overlaps the box of a vehicle or of a person. The box moves as it was recorded:
+at a time between two of its annotations its position is interpolated linearly, its heading along
+the shorter way; outside of its annotated time it is not there. Others drive on as they did,
+whatever the path does: a car behind may drive into an ego that is slower than the driver was, and
+that counts as well. A sample whose scene is not annotated up to h seconds after it (0.25 s may be
+missing) has no value, nor has one of a scene without a single annotation.
+
+Boxes that the driver's own footprint overlaps, at the sample or at a time of the driven path, are
+left out for that sample, for the whole path: the driver hit nothing, so these boxes are inexact.
+The driven path itself therefore never collides, by construction; how many boxes were left out says
+how far to trust that. Deviation: others skip time steps instead, see docs/deviations.md.
+
+Off-road within h seconds: at one of the path's times up to h one of the footprint's four corners
+lies outside the drivable area of the map. The driven path has no exemption here.
+"""
+
+import logging
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from jaxtyping import Bool, Float
+
+from lss_core.config import DataConfig
+from lss_core.data.boxes import has_annotations, read_boxes
+from lss_core.data.drivable import DrivableArea, load_drivable_area, map_path
+from lss_core.data.samples import SampleIndex
+from lss_core.geometry import yaw_of
+from shoot.box_moments import BoxMoments, find_moments, touched
+from shoot.datamodule import LabelledSplit
+from shoot.footprint import footprint_corners, headings, turn
+from shoot.trajectories import DT_S
+
+Array = npt.NDArray[Any]
+
+logger = logging.getLogger(__name__)
+
+CHECK_HORIZONS_S = (1, 2, 3, 5)
+# A path's last time may lie this much beyond the last annotated keyframe.
+MISSING_S = 0.25
+
+
+class DrivingChecks:
+    """Collision and off-road of one path for each sample of a split, in per cent (0 or 100).
+
+    What the data set cannot tell is left out, with a warning: `collision_*` without annotations,
+    `off_road_*` without map expansion.
+
+    Args:
+        split: Its samples and their driven paths.
+        data: Where its tables and maps are.
+
+    Attributes:
+        num_boxes_left_out: Boxes that the driver's footprint overlaps; an object counts once for
+            each sample.
+        num_samples_affected: Samples with such a box.
+
+    Raises:
+        DataError: If a table or a map is damaged, or the maps of some locations are missing.
+    """
+
+    def __init__(self, split: LabelledSplit, data: DataConfig) -> None:
+        index, self._sample = split.index, split.futures.sample
+        self._paths_shape = split.futures.xy_m.shape
+        pose = index.global_from_ego[self._sample]
+        self._xy_m, self._yaw_rad = pose[:, :2, 3], yaw_of(pose)
+        self._location = index.scene_location[index.sample_scene[self._sample]]
+        self._areas = _load_areas(Path(data.root), np.unique(self._location).tolist())
+        self.num_boxes_left_out = self.num_samples_affected = 0
+        self._moments: BoxMoments | None = None
+        self._known_s = np.zeros(len(self._sample))
+        folder = Path(data.root) / data.version
+        if not has_annotations(folder):
+            logger.warning("No table of annotations in %s: collisions are left out.", folder)
+            return
+        scene = index.sample_scene[self._sample]
+        boxes = read_boxes(folder, index, np.unique(scene))
+        if not boxes.annotated.any():
+            logger.warning("No annotation of these scenes in %s: collisions are left out.", folder)
+            return
+        self._known_s = np.where(
+            boxes.annotated[scene], _last_keyframe_s(index)[scene] - index.time_s[self._sample], 0.0
+        )
+        # The sample's own moment comes first, where the driver is at the origin.
+        ahead_s = DT_S * np.arange(self._paths_shape[1] + 1)
+        moments = find_moments(
+            boxes, scene, index.time_s[self._sample], self._xy_m, self._yaw_rad, ahead_s
+        )
+        self._moments = self._without_inexact(moments, split.futures.xy_m)
+
+    def __call__(self, paths_m: Float[Array, "S T 2"]) -> dict[str, Float[Array, " S"]]:
+        """Each check of each sample in per cent, 0 or 100; NaN where it is not known.
+
+        Args:
+            paths_m: One path for each sample of the split, in its order, at the times of the
+                driven ones, in metres in `ego`.
+
+        Returns:
+            `collision_1s`, `off_road_1s` and so on, as far as the data set can tell.
+
+        Raises:
+            ValueError: If the paths have another shape than the driven ones.
+        """
+        if paths_m.shape != self._paths_shape:
+            raise ValueError(
+                f"Expected paths of shape {self._paths_shape}, as the driven ones have, got "
+                f"{paths_m.shape}."
+            )
+        heading_rad = headings(paths_m)
+        checks: dict[str, Array] = {}
+        if self._moments is not None:
+            collides = self._collides(self._moments, paths_m, heading_rad)
+            for horizon_s, values in _within(collides).items():
+                known = self._known_s >= horizon_s - MISSING_S - 1e-6
+                checks[f"collision_{horizon_s}s"] = np.where(known, values, np.nan)
+        if self._areas is not None:
+            off_road = self._is_off_road(self._areas, paths_m, heading_rad)
+            for horizon_s, values in _within(off_road).items():
+                checks[f"off_road_{horizon_s}s"] = values
+        return checks
+
+    def _without_inexact(self, moments: BoxMoments, driven_m: Float[Array, "S T 2"]) -> BoxMoments:
+        """Without the boxes that the driver overlaps, and without the samples' own moments."""
+        driven_m = np.concatenate([np.zeros_like(driven_m[:, :1]), driven_m], axis=1)
+        heading_rad = headings(driven_m[:, 1:])
+        heading_rad = np.concatenate([np.zeros_like(heading_rad[:, :1]), heading_rad], axis=1)
+        hit = touched(moments, driven_m, heading_rad)
+        # Pairs of sample and box as one number each.
+        pair = moments.sample.astype(np.int64) << 32 | moments.box
+        inexact = np.unique(pair[hit])
+        self.num_boxes_left_out = len(inexact)
+        self.num_samples_affected = len(np.unique(inexact >> 32))
+        kept = moments.select((moments.step > 0) & ~np.isin(pair, inexact))
+        return replace(kept, step=kept.step - 1)
+
+    def _collides(
+        self,
+        moments: BoxMoments,
+        paths_m: Float[Array, "S T 2"],
+        heading_rad: Float[Array, "S T"],
+    ) -> Bool[Array, "S T"]:
+        hit = touched(moments, paths_m, heading_rad)
+        collides = np.zeros(heading_rad.shape, dtype=bool)
+        collides[moments.sample[hit], moments.step[hit]] = True
+        return collides
+
+    def _is_off_road(
+        self,
+        areas: dict[str, DrivableArea],
+        paths_m: Float[Array, "S T 2"],
+        heading_rad: Float[Array, "S T"],
+    ) -> Bool[Array, "S T"]:
+        is_off_road = np.zeros(heading_rad.shape, dtype=bool)
+        for location, area in areas.items():
+            rows = np.flatnonzero(self._location == location)
+            corners_m = footprint_corners(paths_m[rows], heading_rad[rows])
+            corners_m = turn(corners_m, self._yaw_rad[rows, None, None])
+            inside = area.contains(corners_m + self._xy_m[rows, None, None])
+            is_off_road[rows] = ~inside.all(axis=-1)
+        return is_off_road
+
+
+def _load_areas(root: Path, locations: list[str]) -> dict[str, DrivableArea] | None:
+    if not any(map_path(root, location).is_file() for location in locations):
+        logger.warning(
+            "No map expansion of %s in %s: off-road rates are left out.",
+            ", ".join(locations),
+            root / "maps",
+        )
+        return None
+    return {location: load_drivable_area(root, location) for location in locations}
+
+
+def _last_keyframe_s(index: SampleIndex) -> Float[Array, " C"]:
+    """Time of each scene's last keyframe: nuScenes annotates all."""
+    last_s = np.full(len(index.scene_name), -np.inf)
+    np.maximum.at(last_s, index.sample_scene, index.time_s)
+    return last_s
+
+
+def _within(happens: Bool[Array, "S T"]) -> dict[int, Float[Array, " S"]]:
+    """By horizon: 100 where it happens at a time up to it, else 0."""
+    return {
+        horizon_s: 100.0 * happens[:, : round(horizon_s / DT_S)].any(axis=1)
+        for horizon_s in CHECK_HORIZONS_S
+    }
