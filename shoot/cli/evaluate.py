@@ -1,6 +1,7 @@
 """shoot-evaluate: top-k planning accuracy of a run, beside the baselines, with intervals."""
 
 from dataclasses import dataclass, field
+from datetime import datetime
 from pathlib import Path
 from typing import Annotated
 
@@ -11,7 +12,8 @@ from shoot.cli.app import run
 from shoot.cli.render import OtherData
 from shoot.comparison import compare
 from shoot.evaluation import Report, format_table
-from shoot.prediction import open_run
+from shoot.html_report import PageDetails, write_page
+from shoot.prediction import TrainedRun, open_run
 
 
 @dataclass(frozen=True)
@@ -21,6 +23,7 @@ class EvaluateConfig:
     Attributes:
         run: Run folder.
         out: Report to write, JSON.
+        html: Page to write too: one file with tables, plots and pictures, for any browser.
         split: Scenes to score on.
         checkpoint: `last`, or `best`: chosen by top-10 on the run's validation split.
         templates: Template file, if not the run's own copy; refused if it holds other templates.
@@ -31,6 +34,7 @@ class EvaluateConfig:
 
     run: Annotated[str, tyro.conf.Positional]
     out: str = "report.json"
+    html: str | None = None
     split: str = "val"
     checkpoint: str = "last"
     templates: str | None = None
@@ -57,7 +61,21 @@ def evaluate(config: EvaluateConfig) -> Report:
     print(format_table(report))
     report.save(Path(config.out))
     print(f"Report: {config.out}")
+    if config.html is not None:
+        write_page(report, {}, _details(config, trained), config.html)
+        print(f"Page: {config.html}")
     return report
+
+
+def _details(config: EvaluateConfig, trained: TrainedRun) -> PageDetails:
+    data = trained.config.data
+    return PageDetails(
+        run=Path(config.run).resolve().name,
+        data_set=f"{Path(data.root).resolve().name}, {data.version}",
+        date=f"{datetime.now():%Y-%m-%d %H:%M}",
+        checkpoint=config.checkpoint,
+        num_templates=len(trained.templates.points),
+    )
 
 
 def main() -> None:

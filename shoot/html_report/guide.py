@@ -1,0 +1,91 @@
+"""What a reader must know before the first number."""
+
+from collections.abc import Iterable
+from typing import Final
+
+from shoot.bootstrap import NUM_DRAWS
+from shoot.html_report.markup import Html, element, join
+from shoot.html_report.words import spaced
+
+# Methods with other names are listed without a word.
+METHOD_NOTES: Final = {
+    "model": "the trained planner: camera images in; it is told no speed, command or map",
+    "prior": "how often each template was driven in training; sees nothing",
+    "speed_prior": "the same at about the speed of now; knows the speed, sees nothing",
+    "standing_still": "stays where it is; sees nothing",
+    "constant_velocity": "drives straight on at the velocity of now; sees nothing else",
+    "constant_yaw_rate": "drives on at the speed and in the bend of now; sees nothing else",
+    "past_motion": "fitted to how the ego moved until now; sees nothing else",
+    "blind": "one cost map for all samples, the best there is without looking",
+    "model_knowing_speed": "the trained planner, told the speed afterwards; no baseline, it shows "
+    "what the speed would add",
+}
+
+
+def reading_guide(num_templates: int | None, num_scenes: int, methods: Iterable[str]) -> Html:
+    """The words of the page, and what its numbers do not tell.
+
+    Args:
+        num_templates: K, if known.
+        num_scenes: Scenes the samples come from.
+        methods: Keys of all methods.
+    """
+    one_of = (
+        "fixed trajectories" if num_templates is None else f"{num_templates} fixed trajectories"
+    )
+    points = [
+        _point(
+            "Template",
+            f"one of {one_of} of the next five seconds, found by clustering driven paths. A method "
+            "does not draw a path; it gives each template a probability. The label is the template "
+            "nearest to the path that was driven.",
+        ),
+        _point(
+            "Top-k",
+            "share of samples whose label is among the k templates with the highest probability. "
+            "Many templates are near-twins, so the second choice may be as good a plan as the "
+            "label and still count as wrong; distances in metres do not have this flaw.",
+        ),
+        _point(
+            "NLL",
+            "minus the logarithm of the probability given to the label, in nats. Lower is better. "
+            "It punishes being sure and wrong.",
+        ),
+        _point(
+            "Intervals",
+            f"[low, high] are 95 % intervals over scenes: whole scenes are drawn again "
+            f"{NUM_DRAWS} times, since samples of one scene look alike. They say how much a number "
+            "hangs on which scenes were recorded here, nothing about another training seed or "
+            "another city. From few scenes they come out too narrow."
+            + (" Here is one scene only, so there are none." if num_scenes == 1 else ""),
+        ),
+        _point(
+            "Differences",
+            "are taken sample by sample, so what makes a scene hard for both cancels. Bold, with "
+            "a verdict: the interval excludes zero. About one such comparison in twenty does so by "
+            "chance.",
+        ),
+        _point(
+            "L2, two conventions",
+            "the distance at 3 s, and the mean of the distances up to 3 s, are both called 'L2 at "
+            "3 s' in the literature, and the second is much smaller. Do not mix them.",
+        ),
+        _point(
+            "Open loop",
+            "no plan was ever driven. Each sample starts from where the driver was, and other road "
+            "users do as recorded, so errors never add up as they would on a road.",
+        ),
+    ]
+    names = [
+        element(
+            "li",
+            element("strong", spaced(name)),
+            f": {METHOD_NOTES[name]}." if name in METHOD_NOTES else "",
+        )
+        for name in methods
+    ]
+    return join(element("ul", *points), element("h3", "Methods"), element("ul", *names))
+
+
+def _point(word: str, text: str) -> Html:
+    return element("li", element("strong", word), ": ", text)

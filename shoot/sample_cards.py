@@ -1,0 +1,52 @@
+"""The samples a planner does best, ordinarily and worst at, drawn for the page."""
+
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from numpy.typing import NDArray
+
+from shoot.datamodule import LabelledSplit
+from shoot.html_report import SampleCard, figure_png, pick_samples
+from shoot.manoeuvres import classify_manoeuvres
+from shoot.metrics import negative_log_likelihood, ranks
+from shoot.prediction import TrainedRun
+from shoot.rendering import render_sample
+from shoot.sample_views import view_sample
+
+
+def make_cards(
+    run: TrainedRun,
+    split: LabelledSplit,
+    log_prob: Float[NDArray[np.floating[Any]], "S K"],
+    num: int = 3,
+) -> dict[str, list[SampleCard]]:
+    """Cards of the `best`, `typical` and `worst` samples; the best among those that drive.
+
+    Args:
+        run: Trained planner.
+        split: Samples to choose from.
+        log_prob: What it says of them, in nats.
+        num: Cards a group.
+
+    Raises:
+        DataError: If a file of a chosen sample is missing or damaged.
+    """
+    nll = negative_log_likelihood(log_prob, split.labels)
+    rank = ranks(log_prob, split.labels)
+    moving = classify_manoeuvres(split.futures.xy_m) != "standing"
+    chosen = pick_samples(nll, rank, split.futures.scene, num, moving)
+
+    def card(position: int) -> SampleCard:
+        scene = int(split.futures.scene[position])
+        return SampleCard(
+            picture=figure_png(render_sample(view_sample(run, split, position))),
+            token=str(split.index.sample_token[split.futures.sample[position]]),
+            scene=str(split.index.scene_name[scene]),
+            nll=float(nll[position]),
+            rank=int(rank[position]),
+            num_templates=len(run.templates.points),
+            description=str(split.index.scene_description[scene]),
+        )
+
+    return {group: [card(position) for position in places] for group, places in chosen.items()}
