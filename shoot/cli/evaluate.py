@@ -10,8 +10,9 @@ from shoot.allocation import keep_freed_memory
 from shoot.cli.app import run
 from shoot.cli.render import OtherData
 from shoot.comparison import compare
-from shoot.evaluation import Report, format_table
+from shoot.evaluation import Report
 from shoot.prediction import open_run
+from shoot.report_table import format_table
 
 
 @dataclass(frozen=True)
