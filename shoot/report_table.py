@@ -25,8 +25,8 @@ _DRIVING_COLUMNS = (
     ("brier", "Brier", "{:.2f}"),
     ("expected_ade", "exp.\nADE\nm", "{:.2f}"),
     ("min_ade_10", "min\nADE\n10, m", "{:.2f}"),
-    ("l2_at_3s", "L2\nat 3 s\nm", "{:.2f}"),
-    ("l2_upto_3s", "L2\nto 3 s\nm", "{:.2f}"),
+    ("l2_at_3s", "L2 at\n3 s\nm", "{:.2f}"),
+    ("l2_upto_3s", "mean\nL2 to\n3 s, m", "{:.2f}"),
     ("collision_3s", "crash\n3 s\n%", "{:.1f}"),
     ("off_road_3s", "off-r.\n3 s\n%", "{:.1f}"),
     ("comfort", "comf.\n%", "{:.0f}"),
@@ -101,7 +101,7 @@ def _driving_legend(overall: Results) -> str:
     checks = "; crash, off-r.: it collides, leaves the road, within 3 s" if has_checks else ""
     return (
         "exp. ADE: mean over the whole distribution. L2: distance of the most probable template "
-        "at 3 s (as UniAD), and its mean over 0.5 s ... 3 s (as ST-P3, VAD)"
+        "at 3 s (as UniAD); mean L2: of its distances at 0.5, 1, ... 3 s (as ST-P3, VAD)"
         f"{checks}; comf.: its acceleration and jerk are comfortable. "
         f"The nearest template is {overall.oracle['ade'].value:.2f} m off (ADE)."
     )
@@ -110,7 +110,7 @@ def _driving_legend(overall: Results) -> str:
 def _parts_table(report: Report) -> Table:
     shown = _most_telling(report.overall)
     table = _table("Part by part: top-10 %, NLL in nats")
-    table.add_column("part")
+    table.add_column("part", no_wrap=True)
     table.add_column("samples", justify="right")
     table.add_column("scenes", justify="right")
     for name in shown:
