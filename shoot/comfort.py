@@ -41,7 +41,9 @@ def measure_comfort(
       to 8 / dt_s^3 in jerk: one centimetre makes up to 5 m/s^3. Driven paths with noisy poses can
       therefore look rougher than they were.
     - Templates are K-Means means. The differences of a mean are the mean of the differences, so a
-      template of many futures is smoother than any of them; one of few keeps their noise.
+      template of many futures is smoother than those; one of few keeps their noise. Compared with
+      drivers templates look too good: in the synthetic city 97 % of them are comfortable, of the
+      driven paths 67 % (whose drivers speed up at about the bound).
     - The path's first speed is taken as it is. A path that stands still is comfortable by these
       figures also for an ego that is driving 10 m/s.
 

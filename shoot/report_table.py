@@ -13,7 +13,7 @@ from shoot.evaluation import MODEL, Report, Results
 
 # More columns than these do not fit beside each other.
 _PART_METHODS = 4
-_PART_COLUMNS = (("top10", "{:5.1f}"), ("nll", "{:5.2f}"))
+_PART_COLUMNS = (("top10", "{:5.1f}"), ("nll", "{:4.2f}"))
 _RANKING_COLUMNS = (
     ("top5", "top-5, %", "{:.1f}"),
     ("top10", "top-10, %", "{:.1f}"),
@@ -114,7 +114,7 @@ def _parts_table(report: Report) -> Table:
     table.add_column("samples", justify="right")
     table.add_column("scenes", justify="right")
     for name in shown:
-        table.add_column(_spaced(name), justify="right", min_width=11, max_width=11)
+        table.add_column(_spaced(name), justify="right", min_width=10, max_width=10)
     for group in (report.by_manoeuvre, report.by_condition, report.by_speed):
         table.add_section()
         for part, results in group.items():
