@@ -48,6 +48,7 @@ def compare(run: TrainedRun, split: str, show_progress: bool = True, fast: bool 
         samples.futures.scene,
         [condition_of(str(text)) for text in descriptions],
         split,
+        np.linalg.norm(samples.futures.velocity_mps, axis=-1),
     )
 
 

@@ -12,6 +12,8 @@ from torch import Tensor
 from torchmetrics import Metric
 
 Array = npt.NDArray[Any]
+# Metric name to one value per sample, in the unit of the report; NaN where it does not apply.
+PerSample = dict[str, Array]
 
 TOP_KS = (1, 5, 10, 20)
 MISS_M = 2.0

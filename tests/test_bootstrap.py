@@ -97,3 +97,95 @@ def test_excludes_zero(low, high, excludes):
 def test_no_samples_are_refused():
     with pytest.raises(ValueError, match="at least one sample"):
         SceneBootstrap(np.zeros(0, dtype=int))
+
+
+class TestNumbersThatDoNotApply:
+    def test_are_as_if_they_were_not_there(self):
+        values, scene = _scenes(np.random.default_rng(8), 12, 1.0)
+        applies = np.random.default_rng(9).random(len(values)) < 0.7
+        applies[np.unique(scene, return_index=True)[1]] = True  # the same scenes, the same draws
+        found = interval(np.where(applies, values, np.nan), scene)
+        rest = interval(values[applies], scene[applies])
+        assert (found.value, found.low, found.high) == pytest.approx(
+            (rest.value, rest.low, rest.high)
+        )
+
+    def test_agree_with_a_plain_loop_where_scenes_have_none(self):
+        generator = np.random.default_rng(10)
+        values, scene = _scenes(generator, 6, 1.0)
+        values[np.isin(scene, [1, 4, 5])] = np.nan
+        found = interval(values, scene, num_draws=6000)
+        means = []
+        for _ in range(6000):
+            drawn = np.concatenate([values[scene == s] for s in generator.choice(6, size=6)])
+            if not np.isnan(drawn).all():
+                means.append(np.nanmean(drawn))
+        assert 5800 < len(means) < 6000  # some draws have no number at all
+        tolerance = 0.1 * np.std(means)
+        assert found.value == pytest.approx(np.nanmean(values))
+        assert found.low == pytest.approx(np.percentile(means, 2.5), abs=tolerance)
+        assert found.high == pytest.approx(np.percentile(means, 97.5), abs=tolerance)
+
+    def test_one_scene_with_numbers_has_no_interval(self):
+        found = interval(np.array([1.0, 3.0, np.nan]), np.array([0, 0, 1]))
+        assert found.value == 2.0
+        assert math.isnan(found.low)
+        assert math.isnan(found.high)
+
+    @pytest.mark.filterwarnings("error")
+    def test_no_number_at_all(self):
+        found = interval(np.full(4, np.nan), np.array([0, 0, 1, 2]))
+        assert all(math.isnan(number) for number in (found.value, found.low, found.high))
+
+    def test_pairs_need_both(self):
+        scene = np.arange(3)
+        found = paired_interval(np.array([1.0, 2.0, np.nan]), np.array([0.0, np.nan, 9.0]), scene)
+        assert found.value == 1.0
+
+
+def test_columns_at_once_equal_one_by_one():
+    generator = np.random.default_rng(11)
+    first, scene = _scenes(generator, 20, 1.0)
+    second = np.where(generator.random(len(first)) < 0.2, np.nan, first**2)
+    bootstrap = SceneBootstrap(scene)
+    together = bootstrap.intervals(np.stack([first, second], axis=1))
+    for found, values in zip(together, (first, second), strict=True):
+        alone = bootstrap.interval(values)
+        assert (found.value, found.low, found.high) == pytest.approx(
+            (alone.value, alone.low, alone.high)
+        )
+
+
+class TestStatistic:
+    def test_of_a_mean_is_the_interval(self):
+        values, scene = _scenes(np.random.default_rng(12), 15, 1.0)
+        bootstrap = SceneBootstrap(scene)
+        terms = np.stack([values, np.ones(len(values))], axis=1)
+        found = bootstrap.statistic(terms, lambda sums: sums[:, 0] / sums[:, 1])
+        expected = bootstrap.interval(values)
+        assert (found.value, found.low, found.high) == pytest.approx(
+            (expected.value, expected.low, expected.high)
+        )
+
+    def test_of_a_ratio_agrees_with_a_plain_loop(self):
+        generator = np.random.default_rng(13)
+        values, scene = _scenes(generator, 10, 1.0)
+        terms = np.stack([np.abs(values), 1.0 + values**2], axis=1)
+
+        def ratio(sums):
+            return sums[:, 0] / sums[:, 1]
+
+        found = SceneBootstrap(scene, num_draws=4000).statistic(terms, ratio)
+        ratios = []
+        for _ in range(4000):
+            rows = np.concatenate([np.flatnonzero(scene == s) for s in generator.choice(10, 10)])
+            ratios.append(float(ratio(terms[rows].sum(axis=0, keepdims=True))[0]))
+        tolerance = 0.1 * np.std(ratios)
+        assert found.value == pytest.approx(float(ratio(terms.sum(axis=0, keepdims=True))[0]))
+        assert found.low == pytest.approx(np.percentile(ratios, 2.5), abs=tolerance)
+        assert found.high == pytest.approx(np.percentile(ratios, 97.5), abs=tolerance)
+
+    def test_one_scene_has_a_value_and_no_interval(self):
+        found = SceneBootstrap(np.zeros(2)).statistic(np.ones((2, 1)), lambda sums: sums[:, 0])
+        assert found.value == 2.0
+        assert math.isnan(found.low)

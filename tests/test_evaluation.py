@@ -5,13 +5,20 @@ import pytest
 from scipy.special import log_softmax
 
 from shoot.bootstrap import interval, paired_interval
-from shoot.evaluation import condition_of, evaluate, format_table
+from shoot.calibration import measure_reliability
+from shoot.comfort import measure_comfort
+from shoot.evaluation import condition_of, evaluate
 from shoot.metrics import TOP_KS, negative_log_likelihood, ranks
+from shoot.report_table import format_table
 
+COMFORT = ["lon_accel_mps2", "lat_accel_mps2", "jerk_mps3", "comfort"]
+CHECKS = [f"{what}_{s}s" for what in ("collision", "off_road") for s in (1, 2, 3, 5)]
 METRICS = (
     [f"top{k}" for k in TOP_KS]
-    + ["nll"]
+    + ["nll", "brier", "expected_ade"]
     + [f"{name}_{k}" for name in ("min_ade", "min_fde", "miss_rate") for k in TOP_KS]
+    + [f"l2_{how}_{s}s" for how in ("at", "upto") for s in (1, 2, 3)]
+    + COMFORT
 )
 
 
@@ -57,12 +64,28 @@ def case():
         "scene_idx": scene_idx,
         "conditions": ["day" if scene < 58 else "rain" for scene in scene_idx],
         "split": "val",
+        "speed_mps": speeds[labels] + generator.uniform(0.0, 0.5, 240),
     }
 
 
 @pytest.fixture(scope="module")
 def report(case):
     return evaluate(**case)
+
+
+def _path_checks(paths):
+    """A wall across the road at x = 20 m; the first 20 samples are not checked."""
+    found = {}
+    for seconds in (1, 2, 3, 5):
+        hit = 100.0 * (paths[:, : 4 * seconds, 0].max(axis=1) > 20.0)
+        hit[:20] = np.nan
+        found |= {f"collision_{seconds}s": hit, f"off_road_{seconds}s": 0.0 * hit}
+    return found
+
+
+@pytest.fixture(scope="module")
+def checked(case):
+    return evaluate(**case, path_checks=_path_checks)
 
 
 def test_by_hand():
@@ -78,6 +101,7 @@ def test_by_hand():
         np.array([0, 1]),
         ["day", "day"],
         "val",
+        np.array([0.0, 5.0]),
     ).overall
     model = {name: metric.value for name, metric in report.methods["model"].items()}
     assert model["top1"] == 50.0
@@ -86,7 +110,16 @@ def test_by_hand():
     assert model["min_ade_1"] == pytest.approx(2.5)  # 0 m and 5 m
     assert model["min_fde_5"] == pytest.approx(1.5)  # 0 m and 3 m
     assert model["miss_rate_1"] == 50.0
+    assert model["brier"] == pytest.approx(0.5 * (2 * 0.25**2 + 2 * 0.75**2))
+    # 0 m and 4 m to the templates; then 5 m and 3 m.
+    assert model["expected_ade"] == pytest.approx(0.5 * (0.25 * 4.0 + 0.75 * 5.0 + 0.25 * 3.0))
+    # Equally sure of both, so one bin: 75 % said, 50 % right.
+    assert model["ece"] == pytest.approx(25.0)
+    assert report.reliability["model"].count.tolist() == [2]
+    # Paths of 0.25 s have no L2 at 1 s and no acceleration.
+    assert np.isnan([model["l2_at_1s"], model["l2_upto_3s"], model["comfort"]]).all()
     assert report.differences["prior"]["nll"].value == pytest.approx(0.5 * np.log(4 / 3))
+    assert report.differences["prior"]["ece"].value == pytest.approx(25.0)
     assert report.differences["prior"]["top1"].value == 0.0  # the prior's tie goes to template 0
     assert report.oracle["ade"].value == pytest.approx(1.5)
     # Two scenes: both, one of them twice, or the other twice.
@@ -101,19 +134,67 @@ def test_numbers_are_those_of_metrics_and_bootstrap(case, report):
     assert report.overall.methods["model"]["top10"] == interval(hits[0], scene)
     assert report.overall.differences["prior"]["top10"] == paired_interval(*hits, scene)
     nll = negative_log_likelihood(prior, labels)
-    assert report.overall.methods["prior"]["nll"] == interval(nll, scene)
+    expected = interval(nll, scene)
+    found = report.overall.methods["prior"]["nll"]
+    assert (found.value, found.low, found.high) == pytest.approx(
+        (expected.value, expected.low, expected.high)
+    )
+    bins = measure_reliability(np.exp(model).max(axis=1), ranks(model, labels) == 0)
+    np.testing.assert_allclose(report.overall.reliability["model"].accuracy, bins.accuracy)
+    np.testing.assert_allclose(report.overall.reliability["model"].confidence, bins.confidence)
+
+
+def test_the_chosen_template_is_the_one_that_is_judged(case, checked):
+    templates, futures, scene = case["templates"], case["futures"], case["scene_idx"]
+    for name, log_prob in case["log_probs"].items():
+        chosen = templates[np.broadcast_to(log_prob.argmax(axis=-1), 240)]
+        found = checked.overall.methods[name]
+        for key, values in (measure_comfort(chosen) | _path_checks(chosen)).items():
+            assert found[key].value == pytest.approx(np.nanmean(values)), key
+        l2_m = np.linalg.norm(chosen - futures, axis=-1)
+        assert found["l2_at_3s"].value == pytest.approx(l2_m[:, 11].mean())
+        assert found["l2_upto_3s"].value == pytest.approx(l2_m[:, 1:12:2].mean())
+    collision = _path_checks(templates[case["log_probs"]["model"].argmax(axis=1)])["collision_3s"]
+    expected = interval(collision[20:], scene[20:]).value
+    assert 0.0 < expected < 100.0
+    assert checked.overall.methods["model"]["collision_3s"].value == pytest.approx(expected)
+
+
+def test_the_driver_is_judged_too(case, checked):
+    assert set(checked.overall.driver) == {*CHECKS, *COMFORT}
+    expected = _path_checks(case["futures"]) | measure_comfort(case["futures"])
+    for key, values in expected.items():
+        assert checked.overall.driver[key].value == pytest.approx(np.nanmean(values)), key
+    # None of the first scene's samples is checked.
+    assert np.isnan(evaluate_scene(case, 50).overall.driver["collision_5s"].value)
+
+
+def evaluate_scene(case, scene):
+    keep = case["scene_idx"] == scene
+    log_probs = {"model": case["log_probs"]["model"][keep]}
+    arrays = {
+        name: case[name][keep] for name in ("labels", "futures", "scene_idx", "speed_mps")
+    } | {"conditions": ["day"] * int(keep.sum())}
+    return evaluate(**case | arrays | {"log_probs": log_probs}, path_checks=_path_checks)
+
+
+def test_without_checks_nothing_is_said_of_them(report):
+    assert report.overall.driver == {}
+    for metrics in (*report.overall.methods.values(), *report.overall.differences.values()):
+        assert not set(CHECKS) & set(metrics)
 
 
 def test_a_broadcast_method_equals_one_written_out(case, report):
     written_out = np.tile(case["log_probs"]["prior"], (240, 1))
     log_probs = case["log_probs"] | {"prior": written_out}
-    assert evaluate(**case | {"log_probs": log_probs}) == report
+    assert evaluate(**case | {"log_probs": log_probs}).to_json() == report.to_json()
 
 
 def test_parts_add_up_to_the_whole(case, report):
     for parts, names in (
         (report.by_manoeuvre, {"standing", "straight"}),
         (report.by_condition, {"day", "rain"}),
+        (report.by_speed, {"0-1 m/s", "1-5 m/s", "5-10 m/s", "over 10 m/s"}),
     ):
         assert set(parts) == names
         assert sum(part.num_samples for part in parts.values()) == 240
@@ -122,6 +203,16 @@ def test_parts_add_up_to_the_whole(case, report):
             assert weighted / 240 == pytest.approx(report.overall.methods["model"][metric].value)
     assert report.by_condition["day"].num_scenes == 8
     assert report.by_manoeuvre["standing"].num_samples == np.sum(case["labels"] == 0)
+
+
+def test_speeds_include_the_lower_end_and_empty_parts_are_left_out(case):
+    speed_mps = np.tile([0.0, 0.999, 1.0, 4.999, 10.0, 30.0], 40)
+    parts = evaluate(**case | {"speed_mps": speed_mps}).by_speed
+    assert {name: part.num_samples for name, part in parts.items()} == {
+        "0-1 m/s": 80,
+        "1-5 m/s": 80,
+        "over 10 m/s": 80,
+    }
 
 
 def test_report_json_has_the_agreed_form(report, tmp_path):
@@ -133,10 +224,20 @@ def test_report_json_has_the_agreed_form(report, tmp_path):
     assert set(loaded["methods"]) == {"model", "prior"}
     assert set(loaded["differences"]) == {"prior"}
     for metrics in (*loaded["methods"].values(), *loaded["differences"].values()):
-        assert set(metrics) == set(METRICS)
-        for metric in metrics.values():
+        assert set(metrics) == {*METRICS, "ece"}
+        for name, metric in metrics.items():
             assert set(metric) == {"value", "low", "high"}
-            assert metric["low"] <= metric["value"] <= metric["high"]
+            assert metric["low"] <= metric["high"]
+            # Noise makes ECE larger, so that the value may lie below its draws.
+            assert name == "ece" or metric["low"] <= metric["value"] <= metric["high"]
+    assert loaded["driver"] == {}
+    assert set(loaded["reliability"]) == {"model", "prior"}
+    assert {key: len(bins) for key, bins in loaded["reliability"]["model"].items()} == {
+        "confidence": 10,
+        "accuracy": 10,
+        "count": 10,
+    }
+    assert loaded["by_speed"]["0-1 m/s"]["methods"]["prior"]["brier"]["value"] > 0.0
     assert set(loaded["oracle"]) == {"ade", "fde", "miss_rate"}
     assert loaded["by_condition"]["rain"]["methods"]["model"]["top10"]["value"] > 0.0
     assert set(loaded["by_manoeuvre"]["standing"]) == {
@@ -145,6 +246,8 @@ def test_report_json_has_the_agreed_form(report, tmp_path):
         "methods",
         "differences",
         "oracle",
+        "driver",
+        "reliability",
     }
     assert [entry.name for entry in path.parent.iterdir()] == ["report.json"]
 
@@ -174,18 +277,70 @@ def test_table_shows_methods_differences_and_parts_in_80_columns(report):
     assert f"[{top10.low:.1f}, {top10.high:.1f}]" in text
     difference = report.overall.differences["prior"]["nll"]
     assert f"[{difference.low:+.2f}, {difference.high:+.2f}]" in text
-    assert {"standing", "straight", "day", "rain"} <= {line.split()[0] for line in lines if line}
+    first = {line.split()[0] for line in lines if line}
+    assert {"standing", "straight", "day", "rain", "0-1", "over"} <= first
+    assert not {"driver", "crash"} & set(text.split())
+
+
+def _driving_row(text, name):
+    """The method's row in the second table."""
+    rows = text[text.index("Calibration, distances, safety") :].splitlines()
+    return next(line.split()[1:] for line in rows if line.split()[:1] == [name])
+
+
+def test_table_shows_distances_and_safety(checked):
+    text = format_table(checked)
+    model = {key: metric.value for key, metric in checked.overall.methods["model"].items()}
+    assert _driving_row(text, "model") == [
+        f"{model['ece']:.1f}",
+        f"{model['brier']:.2f}",
+        f"{model['expected_ade']:.2f}",
+        f"{model['min_ade_10']:.2f}",
+        f"{model['l2_at_3s']:.2f}",
+        f"{model['l2_upto_3s']:.2f}",
+        f"{model['collision_3s']:.1f}",
+        f"{model['off_road_3s']:.1f}",
+        f"{model['comfort']:.0f}",
+    ]
+    driver = checked.overall.driver
+    assert _driving_row(text, "driver") == [
+        f"{driver['collision_3s'].value:.1f}",
+        "0.0",
+        f"{driver['comfort'].value:.0f}",
+    ]
+
+
+def test_table_of_nine_methods_fits_80_columns_and_shows_the_best_part_by_part(case):
+    generator = np.random.default_rng(1)
+    names = ["blind", "constant_velocity", "constant_yaw_rate", "ego_status_network", "a", "b", "c"]
+    log_probs = case["log_probs"] | {
+        name: log_softmax(generator.normal(size=(240, 30)), axis=1) for name in names
+    }
+    log_probs["b"], log_probs["constant_yaw_rate"] = [case["log_probs"]["model"]] * 2
+    text = format_table(evaluate(**case | {"log_probs": log_probs}, path_checks=_path_checks))
+    lines = text.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert "\N{HORIZONTAL ELLIPSIS}" not in text  # nothing is cut off
+    header = lines[next(i for i, line in enumerate(lines) if "Part by part" in line) + 2 :][:2]
+    assert {"model", "prior", "yaw", "b"} <= set(" ".join(header).split())
+    assert not {"blind", "network", "a"} & set(" ".join(header).split())
+
+
+def test_table_shows_what_does_not_apply_as_a_dash(case):
+    text = format_table(evaluate_scene(case, 50))
+    assert _driving_row(text, "model")[-3:-1] == ["-", "-"]
+    assert "nan" not in text
 
 
 class TestRefuses:
     def test_no_samples(self, case):
-        per_sample = ("labels", "futures", "scene_idx", "conditions")
+        per_sample = ("labels", "futures", "scene_idx", "conditions", "speed_mps")
         empty = {name: case[name][:0] for name in per_sample}
         with pytest.raises(ValueError, match="'val' has no samples"):
             evaluate(**case | empty)
 
     def test_lengths_that_differ(self, case):
-        with pytest.raises(ValueError, match="240 labels, got 240, 240 and 239"):
+        with pytest.raises(ValueError, match="240 labels, got 240, 240, 239 and 240"):
             evaluate(**case | {"conditions": case["conditions"][1:]})
 
     def test_scores_that_are_no_log_probabilities(self, case):

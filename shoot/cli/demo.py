@@ -13,11 +13,12 @@ from shoot.cli.fit_templates import DataSource, FitTemplatesConfig, fit
 from shoot.comparison import compare
 from shoot.config import DEMO
 from shoot.datamodule import LabelledSplit, load_split
-from shoot.evaluation import condition_of, format_table
+from shoot.evaluation import condition_of
 from shoot.manoeuvres import classify_manoeuvres
 from shoot.metrics import negative_log_likelihood
 from shoot.prediction import TrainedRun, open_run, predict
 from shoot.rendering import render_sample, save_figure
+from shoot.report_table import format_table
 from shoot.sample_views import view_sample
 from shoot.training import train
 from shoot.world.writer import VERSION, MakeWorldConfig, make_world

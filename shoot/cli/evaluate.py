@@ -11,9 +11,10 @@ from shoot.allocation import keep_freed_memory
 from shoot.cli.app import run
 from shoot.cli.render import OtherData
 from shoot.comparison import compare
-from shoot.evaluation import Report, format_table
+from shoot.evaluation import Report
 from shoot.html_report import PageDetails, write_page
 from shoot.prediction import TrainedRun, open_run
+from shoot.report_table import format_table
 
 
 @dataclass(frozen=True)
