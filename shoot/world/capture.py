@@ -131,7 +131,9 @@ def capture_scene(order: SceneOrder, town: Town, paint: Paint, root: Path) -> di
     pictured = keyframe_steps(num_steps - tail_steps, rng, order.keyframe_s)
     # Random numbers of their own, which change nothing about the images before the tail.
     tail_rng = np.random.default_rng([scene_seed, 22])
-    tail = keyframe_steps(num_steps, tail_rng, order.keyframe_s, pictured[-1])[1:]
+    after = keyframe_steps(num_steps, tail_rng, order.keyframe_s, pictured[-1])
+    # One that has the whole horizon ahead of it would be a sample like the others, without images.
+    tail = [step for step in after if step > num_steps - tail_steps]
     keyframes = [*pictured, *(tail if tail_steps else [])]
     for step in keyframes:
         time_us = round(step * LIDAR_PERIOD_S * 1e6)

@@ -21,7 +21,7 @@ from lss_core.data.splits import official_scenes
 from lss_core.errors import DataError
 from shoot.cli import make_world as command
 from shoot.world import writer
-from shoot.world.capture import keyframe_steps
+from shoot.world.capture import LIDAR_PERIOD_S, keyframe_steps
 from shoot.world.roads import make_town
 from shoot.world.scenario import make_look, make_scenario
 from shoot.world.scenery import ego_pose
@@ -417,6 +417,11 @@ def test_keyframes_of_the_tail_have_boxes_and_a_sweep_but_no_images(tmp_path: Pa
     assert {r["filename"].split("/")[1] for r in data if r["is_key_frame"]} == {"LIDAR_TOP"}
     assert all((tmp_path / "w" / r["filename"]).is_file() for r in data if r["is_key_frame"])
     assert {row["sample_token"] for row in rows["sample_annotation"]} >= late
+    # Whoever has the whole tail ahead has images: no sample is lost for want of them.
+    begin_us = first_us - round(LIDAR_PERIOD_S * 1e6)
+    early = {r["token"] for r in rows["sample"] if r["timestamp"] - begin_us <= 1.0e6}
+    pictured = {r["sample_token"] for r in rows["sample_data"] if r["fileformat"] == "jpg"}
+    assert early == pictured
     # Sweeps between them are in the tables for their poses, without files.
     turns = [r for r in data if not r["is_key_frame"] and r["timestamp"] - first_us > 1.0e6]
     assert turns
