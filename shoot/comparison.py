@@ -134,7 +134,7 @@ def baseline_log_probs(
         "standing_still": standing_still_log_prob(points, labels),
         "constant_velocity": driving_on(_constant_velocity),
         "constant_yaw_rate": driving_on(_constant_yaw_rate),
-        "past_motion": fit_past_motion(past, labels, len(points)).log_prob(split.futures),
+        "past_motion": fit_past_motion(past, labels, points).log_prob(split.futures),
         "blind": fit_blind(blind_planner, labels, past.scene).log_prob,
     }
 

@@ -54,7 +54,9 @@ def test_where_a_recording_begins_no_method_knows_a_speed(scored: Scored) -> Non
         np.testing.assert_array_equal(
             rows[begins], np.tile(scored.log_probs["prior"], (begins.sum(), 1))
         )
-        assert not np.allclose(rows[~begins], scored.log_probs["prior"])
+    for name in ("constant_velocity", "constant_yaw_rate"):
+        rows = scored.log_probs[name][~begins]
+        assert not np.isclose(rows, scored.log_probs["prior"]).all(axis=1).any()
     np.testing.assert_allclose(
         scored.log_probs["model_knowing_speed"][begins],
         scored.log_probs["model"][begins],

@@ -21,33 +21,47 @@ Array = npt.NDArray[Any]
 logger = logging.getLogger(__name__)
 
 HIDDEN = 128
-BATCH_SIZE = 256
-MAX_EPOCHS = 60
+# Numbers in which motion and template meet.
+SHARED = 64
+MAX_BATCH_SIZE = 256
+# An epoch of few samples has smaller batches instead of few steps.
+STEPS_AN_EPOCH = 40
+MAX_EPOCHS = 25
 # Epochs without a better NLL on the scenes held out, after which none is expected.
 PATIENCE = 6
-LEARNING_RATE = 2e-3
+LEARNING_RATE = 6e-3
+# Of the learning rate, from one epoch to the next.
+RATE_DECAY = 0.85
 WEIGHT_DECAY = 1e-2
 # Below it, differences of speed matter in relation, above it, in themselves.
 _CREEPING_MPS = 0.2
 
 
 class PastMotionNet(nn.Module):
-    """Two hidden layers from past motion to the logits of all templates.
+    """From past motion to the logits of all templates.
 
-    Before training it says the prior, whatever the input.
+    One small network (two hidden layers) reads the motion, another the points of each template; the
+    logit is the product of what they make of it, plus the prior. That the second knows where
+    templates lie lets a sample speak for the neighbours of its label too: with free weights for
+    each of 1000 templates, a few thousand samples would teach little. Before training it says the
+    prior, whatever the input.
 
     Args:
         inputs: Motion of the training samples; means and spreads are taken from them.
+        templates: Templates in metres in `ego`.
         log_prior: Of the templates, in nats.
         generator: Of the first weights.
     """
 
     mean: Tensor
     spread: Tensor
+    points: Tensor
+    log_prior: Tensor
 
     def __init__(
         self,
         inputs: Float[Tensor, "S F"],
+        templates: Float[Tensor, "K T 2"],
         log_prior: Float[Tensor, " K"],
         generator: torch.Generator,
     ) -> None:
@@ -55,25 +69,36 @@ class PastMotionNet(nn.Module):
         self.register_buffer("mean", inputs.mean(0))
         # What never differs in training must not become huge if it differs later.
         self.register_buffer("spread", inputs.std(0, correction=0).clamp(min=1e-2))
-        first, second = nn.Linear(inputs.shape[1], HIDDEN), nn.Linear(HIDDEN, HIDDEN)
-        self.hidden = nn.Sequential(first, nn.ReLU(), second, nn.ReLU())
-        self.last = nn.Linear(HIDDEN, len(log_prior))
-        for layer in (first, second):
-            nn.init.kaiming_uniform_(layer.weight, nonlinearity="relu", generator=generator)
-            nn.init.zeros_(layer.bias)
-        nn.init.zeros_(self.last.weight)
-        with torch.no_grad():
-            self.last.bias.copy_(log_prior)
+        scale_m = templates.std((0, 1), correction=0).clamp(min=1e-2)
+        self.register_buffer("points", ((templates - templates.mean(0)) / scale_m).flatten(1))
+        self.register_buffer("log_prior", log_prior)
+        last = _linear(HIDDEN, SHARED, generator)
+        nn.init.zeros_(last.weight)
+        nn.init.zeros_(last.bias)
+        self.read_motion = nn.Sequential(
+            _linear(inputs.shape[1], HIDDEN, generator),
+            nn.ReLU(),
+            _linear(HIDDEN, HIDDEN, generator),
+            nn.ReLU(),
+            last,
+        )
+        self.read_template = nn.Sequential(
+            _linear(self.points.shape[1], HIDDEN, generator),
+            nn.ReLU(),
+            _linear(HIDDEN, SHARED, generator),
+        )
 
     def forward(self, inputs: Float[Tensor, "B F"]) -> Float[Tensor, "B K"]:
-        """Logits of the templates."""
-        logits: Tensor = self.last(self.hidden((inputs - self.mean) / self.spread))
+        """Logits of the templates for inputs as `motion_inputs` makes them."""
+        motion = self.read_motion((inputs - self.mean) / self.spread)
+        logits: Tensor = motion @ self.read_template(self.points).T + self.log_prior
         return logits
 
     @torch.no_grad()
     def log_prob(self, inputs: Float[Tensor, "S F"]) -> Float[Tensor, "S K"]:
         """Log-probabilities of the templates, in nats."""
-        return self(inputs).log_softmax(dim=-1)
+        log_prob: Tensor = self(inputs).log_softmax(dim=-1)
+        return log_prob
 
 
 @dataclass(frozen=True)
@@ -121,7 +146,7 @@ def motion_inputs(futures: Futures) -> Float[Tensor, "S F"]:
 
 
 def fit_past_motion(
-    futures: Futures, labels: Int[Array, " S"], num_templates: int, seed: int = 0
+    futures: Futures, labels: Int[Array, " S"], templates: Float[Array, "K T 2"], seed: int = 0
 ) -> PastMotionFit:
     """A network that never looks, but knows how the ego got here; trained with cross-entropy.
 
@@ -132,7 +157,7 @@ def fit_past_motion(
     Args:
         futures: Of the training samples; only past and scene are read.
         labels: Their nearest templates.
-        num_templates: K.
+        templates: Templates in metres in `ego`.
         seed: Of first weights and of the order of samples.
 
     Raises:
@@ -141,15 +166,16 @@ def fit_past_motion(
     if not len(labels):
         raise ValueError("Fitting past motion needs at least one training label, got none.")
     inputs, answers = motion_inputs(futures), torch.from_numpy(labels)
+    points = torch.from_numpy(templates).float()
     fold = scene_folds(futures.scene)
     epochs, held_out_nll = 0, float("nan")
     if fold.max() > 0:
         held_out = torch.from_numpy(fold == 0)
         asked, right = inputs[held_out], answers[held_out]
-        log_prior = fit_prior(labels[fold != 0], futures.scene[fold != 0], num_templates)
+        log_prior = fit_prior(labels[fold != 0], futures.scene[fold != 0], len(templates))
         held_out_nll = float("inf")
         for epoch, net in enumerate(
-            _training(inputs[~held_out], answers[~held_out], log_prior, seed)
+            _training(inputs[~held_out], answers[~held_out], points, log_prior, seed)
         ):
             nll = float(nn.functional.nll_loss(net.log_prob(asked), right))
             if nll < held_out_nll:
@@ -159,25 +185,40 @@ def fit_past_motion(
     logger.info(
         "Past motion: %d epochs, NLL %.3f on training scenes left out.", epochs, held_out_nll
     )
-    log_prior = fit_prior(labels, futures.scene, num_templates)
-    net = next(islice(_training(inputs, answers, log_prior, seed), epochs, None))
+    log_prior = fit_prior(labels, futures.scene, len(templates))
+    net = next(islice(_training(inputs, answers, points, log_prior, seed), epochs, None))
     return PastMotionFit(net, epochs, held_out_nll)
 
 
 def _training(
     inputs: Float[Tensor, "S F"],
     labels: Int[Tensor, " S"],
+    templates: Float[Tensor, "K T 2"],
     log_prior: Float[Array, " K"],
     seed: int,
 ) -> Iterator[PastMotionNet]:
     """The network after 0, 1, 2 ... epochs; always the same object, so use it before the next."""
     generator = torch.Generator().manual_seed(seed)
-    net = PastMotionNet(inputs, torch.from_numpy(log_prior).float(), generator)
+    net = PastMotionNet(inputs, templates, torch.from_numpy(log_prior).float(), generator)
     optimizer = torch.optim.AdamW(net.parameters(), lr=LEARNING_RATE, weight_decay=WEIGHT_DECAY)
+    schedule = torch.optim.lr_scheduler.ExponentialLR(optimizer, RATE_DECAY)
+    batch_size = min(MAX_BATCH_SIZE, -(-len(labels) // STEPS_AN_EPOCH))
     while True:
         yield net
-        for rows in torch.randperm(len(labels), generator=generator).split(BATCH_SIZE):
+        order = torch.randperm(len(labels), generator=generator)
+        for first in range(0, len(order), batch_size):
+            rows = order[first : first + batch_size]
             loss = nn.functional.cross_entropy(net(inputs[rows]), labels[rows])
             optimizer.zero_grad()
-            loss.backward()
+            torch.autograd.backward(loss)
             optimizer.step()
+        schedule.step()
+
+
+def _linear(num_in: int, num_out: int, generator: torch.Generator) -> nn.Linear:
+    """A layer with torch's own spread of weights, drawn from our generator instead of torch's."""
+    layer = nn.Linear(num_in, num_out, device="meta").to_empty(device="cpu")
+    bound = num_in**-0.5
+    nn.init.uniform_(layer.weight, -bound, bound, generator=generator)
+    nn.init.uniform_(layer.bias, -bound, bound, generator=generator)
+    return layer
