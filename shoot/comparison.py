@@ -1,30 +1,55 @@
 """The trained planner beside its baselines on one split, from checkpoint to report."""
 
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import torch
+from jaxtyping import Float
 from numpy.typing import NDArray
 
 from lss_core.config import DataConfig
 from shoot.baselines import (
     constant_velocity_futures,
+    constant_yaw_rate_futures,
+    driving_on_log_prob,
     fit_blind,
+    fit_past_motion,
     fit_prior,
-    fit_sigma,
-    future_log_prob,
+    fit_speed_prior,
+    standing_still_log_prob,
 )
 from shoot.datamodule import LabelledSplit, load_split
-from shoot.evaluation import Report, condition_of, evaluate
+from shoot.driving_checks import DrivingChecks
+from shoot.evaluation import MODEL, Report, condition_of, evaluate
+from shoot.known_speed import tell_speed
 from shoot.planner import Planner
 from shoot.prediction import TrainedRun, predict
 from shoot.templates import TemplateSet
+from shoot.trajectories import Futures
+
+Array = NDArray[Any]
+
+KNOWING_SPEED = "model_knowing_speed"
+
+
+@dataclass(frozen=True)
+class Scored:
+    """What every method says of the same samples.
+
+    Attributes:
+        samples: What was asked about.
+        log_probs: Method -> log-probabilities of the templates in nats, [S, K], or [K] if they are
+            the same for all samples.
+    """
+
+    samples: LabelledSplit
+    log_probs: dict[str, Float[Array, "..."]]
 
 
 def compare(run: TrainedRun, split: str, show_progress: bool = True, fast: bool = False) -> Report:
-    """Score a run and its baselines on the same samples.
-
-    The baselines are fitted on the run's training labels, never on `split`.
+    """Score a run and its baselines on the same samples, and sum it up.
 
     Args:
         run: Trained planner.
@@ -35,51 +60,125 @@ def compare(run: TrainedRun, split: str, show_progress: bool = True, fast: bool 
     Raises:
         DataError: If data is not as it should be.
     """
-    samples = load_split(run.config.data, split, run.templates)
-    known = _training_labels(run)
-    log_probs: dict[str, NDArray[Any]] = {"model": predict(run, samples, show_progress, fast)}
-    log_probs |= baseline_log_probs(known, samples, run.templates, run.module.planner)
+    return sum_up(run, score(run, split, show_progress, fast), split)
+
+
+def sum_up(run: TrainedRun, scored: Scored, split: str) -> Report:
+    """The report of what every method says of a split.
+
+    Args:
+        run: Whose data and templates.
+        scored: Of the split.
+        split: Its name.
+
+    Raises:
+        DataError: If annotations or maps are damaged.
+    """
+    samples = scored.samples
     descriptions = samples.index.scene_description[samples.futures.scene]
-    return evaluate(
-        log_probs,
+    checks = DrivingChecks(samples, run.config.data)
+    report = evaluate(
+        scored.log_probs,
         samples.labels,
         samples.futures.xy_m,
         run.templates.points,
         samples.futures.scene,
         [condition_of(str(text)) for text in descriptions],
         split,
-        np.linalg.norm(samples.futures.velocity_mps, axis=-1),
+        np.where(_is_known(samples.futures), _speed_mps(samples.futures), np.nan),
+        checks,
     )
+    return replace(
+        report,
+        num_boxes_left_out=checks.num_boxes_left_out,
+        num_samples_with_boxes_left_out=checks.num_samples_affected,
+    )
+
+
+def score(run: TrainedRun, split: str, show_progress: bool = True, fast: bool = False) -> Scored:
+    """What a run and its baselines say of the samples of a split.
+
+    The baselines are fitted on the run's training labels, never on `split`.
+
+    Args:
+        run: Trained planner.
+        split: Scenes to score on.
+        show_progress: Show how far prediction is.
+        fast: Predict by `FastPlanner`.
+
+    Returns:
+        `model`, the methods of `baseline_log_probs`, and `model_knowing_speed`: what the model
+        would say if it were told the speed, see `tell_speed`. That is no baseline: it shows what
+        the speed, which cameras alone do not tell, would add.
+
+    Raises:
+        DataError: If data is not as it should be.
+    """
+    samples = load_split(run.config.data, split, run.templates)
+    known = _training_labels(run)
+    model = predict(run, samples, show_progress, fast)
+    log_probs: dict[str, Array] = {MODEL: model}
+    log_probs |= baseline_log_probs(known, samples, run.templates, run.module.planner)
+    log_probs[KNOWING_SPEED] = tell_speed(model, log_probs["speed_prior"], log_probs["prior"])
+    return Scored(samples, log_probs)
 
 
 def baseline_log_probs(
     train: LabelledSplit, split: LabelledSplit, templates: TemplateSet, planner: Planner
-) -> dict[str, NDArray[np.float64]]:
+) -> dict[str, Array]:
     """Log-probabilities of what any planner must beat.
 
     Args:
         train: What they are fitted on.
-        split: What they are asked about.
+        split: What they are asked about; of its futures only the past is read, and no label.
         templates: Both are labelled with.
         planner: Grid and rules of reading for the blind planner.
 
     Returns:
-        `prior` and `blind` [K], the same for all samples; `constant_velocity` [S, K], which
-        knows the speed.
+        `prior`, `standing_still` and `blind` [K], the same for all samples. [S, K], and knowing
+        what cameras do not show: `speed_prior` the speed, `constant_velocity` also its direction,
+        `constant_yaw_rate` also the rate of turning, `past_motion` the last two seconds.
     """
-    points = templates.points
-    driving_on = constant_velocity_futures(train.futures.velocity_mps)
-    sigma_m = fit_sigma(driving_on, points, train.labels)
+    points, past, labels = templates.points, train.futures, train.labels
+    log_prior = fit_prior(labels, past.scene, len(points))
+    known, split_known = _is_known(past), _is_known(split.futures)
+    speed_prior = fit_speed_prior(_speed_mps(past), known, labels, past.scene, len(points))
     blind_planner = Planner(torch.from_numpy(points), planner.grid, planner.config)
+
+    def driving_on(paths: Callable[[Futures], Array]) -> Array:
+        return driving_on_log_prob(
+            paths(past), known, labels, paths(split.futures), split_known, points, log_prior
+        )
+
     return {
-        "prior": fit_prior(train.labels, train.futures.scene, len(points)),
-        "blind": fit_blind(blind_planner, train.labels, train.futures.scene).log_prob,
-        "constant_velocity": future_log_prob(
-            constant_velocity_futures(split.futures.velocity_mps), points, sigma_m
-        ),
+        "prior": log_prior,
+        "speed_prior": speed_prior.of(_speed_mps(split.futures), split_known),
+        "standing_still": standing_still_log_prob(points, labels),
+        "constant_velocity": driving_on(_constant_velocity),
+        "constant_yaw_rate": driving_on(_constant_yaw_rate),
+        "past_motion": fit_past_motion(past, labels, points).log_prob(split.futures),
+        "blind": fit_blind(blind_planner, labels, past.scene).log_prob,
     }
 
 
 def _training_labels(run: TrainedRun) -> LabelledSplit:
     data: DataConfig = run.config.data
     return load_split(data, run.config.train_split, run.templates, need_files=False)
+
+
+def _is_known(futures: Futures) -> NDArray[np.bool_]:
+    """[S] whether there is a past to tell motion from; not where a recording begins."""
+    return futures.past_known[:, 0]
+
+
+def _speed_mps(futures: Futures) -> Array:
+    speed_mps: Array = np.linalg.norm(futures.velocity_mps, axis=1)
+    return speed_mps
+
+
+def _constant_velocity(futures: Futures) -> Array:
+    return constant_velocity_futures(futures.velocity_mps)
+
+
+def _constant_yaw_rate(futures: Futures) -> Array:
+    return constant_yaw_rate_futures(futures.velocity_mps, futures.yaw_rate_radps)

@@ -95,7 +95,10 @@ class Report:
         by_manoeuvre: The samples of each manoeuvre that occurs.
         by_condition: The samples of each condition (day, night, ...) that occurs.
         by_speed: The samples of each range of speeds that occurs, by the speed at the sample; a
-            range includes its lower end and not its upper.
+            range includes its lower end and not its upper. Not where the speed is unknown.
+        num_boxes_left_out: Annotated boxes that the driver's own path touches, and that no path
+            is therefore checked against: pairs of sample and object.
+        num_samples_with_boxes_left_out: Samples that have such.
     """
 
     split: str
@@ -103,12 +106,16 @@ class Report:
     by_manoeuvre: dict[str, Results]
     by_condition: dict[str, Results]
     by_speed: dict[str, Results]
+    num_boxes_left_out: int = 0
+    num_samples_with_boxes_left_out: int = 0
 
     def to_json(self) -> dict[str, Any]:
         """The form of report.json: plain dicts, lists, strings, numbers and null."""
         return {
             "split": self.split,
             **self.overall.to_json(),
+            "num_boxes_left_out": self.num_boxes_left_out,
+            "num_samples_with_boxes_left_out": self.num_samples_with_boxes_left_out,
             "by_manoeuvre": {name: part.to_json() for name, part in self.by_manoeuvre.items()},
             "by_condition": {name: part.to_json() for name, part in self.by_condition.items()},
             "by_speed": {name: part.to_json() for name, part in self.by_speed.items()},
@@ -154,7 +161,7 @@ def evaluate(
         scene_idx: Scene of each sample; intervals are over scenes.
         conditions: Condition of each sample, see `condition_of`.
         split: Name of the split, for the report.
-        speed_mps: Speed at each sample.
+        speed_mps: Speed at each sample; NaN where it is not known.
         path_checks: From one path for each sample, in metres in `ego`, to `collision_1s`,
             `off_road_1s`, ... in per cent; asked about the chosen template of each method and about
             the driven path.
@@ -186,7 +193,10 @@ def evaluate(
     def parts(names: Sequence[str], name_of: Shaped[Array, " S"]) -> dict[str, Results]:
         return {name: results(name_of == name) for name in names if (name_of == name).any()}
 
-    speed_names = np.array(_SPEEDS)[np.digitize(speed_mps, _SPEED_EDGES_MPS)]
+    # The last name is for NaN, and of no part.
+    speed_names = np.array([*_SPEEDS, ""])[
+        np.where(np.isnan(speed_mps), len(_SPEEDS), np.digitize(speed_mps, _SPEED_EDGES_MPS))
+    ]
     return Report(
         split=split,
         overall=results(np.ones(num_samples, dtype=bool)),

@@ -12,6 +12,7 @@ from shoot.parallel import run_jobs
 
 HORIZON_S = 5.0
 DT_S = 0.25
+PAST_S = 2.0
 # Time stamps are whole microseconds but travel as float64 seconds since 1970.
 _TIME_TOLERANCE_S = 1e-6
 _SCENES_A_JOB = 10
@@ -19,7 +20,10 @@ _SCENES_A_JOB = 10
 
 @dataclass(frozen=True)
 class Futures:
-    """Ego futures with where they start.
+    """Ego futures with where they start, and what was driven before.
+
+    The past is known from poses at and before the start alone, as long as the start is the time of
+    a pose, which keyframes and sweeps are.
 
     Attributes:
         xy_m: [M, T, 2] ego origin at 0.25 s, 0.5 s ... 5 s, in the ego frame of the start.
@@ -28,6 +32,10 @@ class Futures:
         velocity_mps: [M, 2] mean velocity over the last half second before the start, in the ego
             frame of the start; zero where the recording begins.
         yaw_rate_radps: [M] mean yaw rate over the same time.
+        past_xy_m: [M, P, 2] ego origin 0.25 s, 0.5 s ... 2 s before the start, in the ego frame of
+            the start; zero where not known.
+        past_known: [M, P] whether the recording of the scene reaches back that far. Where
+            `past_known[:, 0]` is false, velocity and yaw rate mean nothing.
         num_left_out: Starts without a whole future in their scene.
     """
 
@@ -36,6 +44,8 @@ class Futures:
     sample: NDArray[np.int64]
     velocity_mps: FloatArray
     yaw_rate_radps: FloatArray
+    past_xy_m: FloatArray
+    past_known: NDArray[np.bool_]
     num_left_out: int
 
     def select(self, mask: NDArray[np.bool_]) -> "Futures":
@@ -47,6 +57,8 @@ class Futures:
             sample=self.sample[mask],
             velocity_mps=self.velocity_mps[mask],
             yaw_rate_radps=self.yaw_rate_radps[mask],
+            past_xy_m=self.past_xy_m[mask],
+            past_known=self.past_known[mask],
             num_left_out=self.num_left_out + int((~mask).sum()),
         )
 
@@ -99,6 +111,38 @@ def futures_from_poses(
     moved_m = _at(times_s, xy_m, ahead_s) - origin_m[:, None]
     yaw = np.interp(here_s, times_s, np.unwrap(yaw_rad))
     return _turn(moved_m, -yaw[:, None]), kept
+
+
+def past_from_poses(
+    times_s: FloatArray,
+    xy_m: FloatArray,
+    yaw_rad: FloatArray,
+    starts_s: FloatArray,
+    past_s: float = PAST_S,
+    dt_s: float = DT_S,
+) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Where the ego was in the seconds before each start, seen from the start.
+
+    Positions are interpolated linearly in time between the recorded poses, so nothing after the
+    start takes part if each start is the time of a pose.
+
+    Args:
+        times_s: [P] strictly increasing, at least one.
+        xy_m: [P, 2] ego origin in a fixed frame.
+        yaw_rad: [P] heading in the same frame; jumps by 2 pi are allowed.
+        starts_s: [S] moments to look back from, within the recorded time.
+        past_s: How far back.
+        dt_s: Time between points; the first point is `dt_s` before the start.
+
+    Returns:
+        [S, P, 2] points, the latest first, x forward and y left at the start; zero where the
+        recording does not reach back that far. [S, P] where it does.
+    """
+    behind_s = starts_s[:, None] - dt_s * np.arange(1, round(past_s / dt_s) + 1)
+    known = behind_s >= times_s[0] - _TIME_TOLERANCE_S
+    moved_m = _at(times_s, xy_m, behind_s) - _at(times_s, xy_m, starts_s)[:, None]
+    yaw = np.interp(starts_s, times_s, np.unwrap(yaw_rad))
+    return np.where(known[..., None], _turn(moved_m, -yaw[:, None]), 0.0), known
 
 
 @dataclass(frozen=True)
@@ -176,12 +220,15 @@ def _mine(ride: _Ride) -> Futures:
     poses = ride.time_s, ride.xy_m, ride.yaw_rad
     futures, kept = futures_from_poses(*poses, ride.starts_s)
     velocity, yaw_rate = _recent_motion(*poses, ride.starts_s[kept])
+    past, past_known = past_from_poses(*poses, ride.starts_s[kept])
     return Futures(
         xy_m=futures,
         scene=np.full(len(futures), ride.scene),
         sample=ride.sample[kept],
         velocity_mps=velocity,
         yaw_rate_radps=yaw_rate,
+        past_xy_m=past,
+        past_known=past_known,
         num_left_out=int((~kept).sum()),
     )
 
@@ -193,6 +240,8 @@ def _join(parts: list[Futures]) -> Futures:
         sample=np.concatenate([part.sample for part in parts]),
         velocity_mps=np.concatenate([part.velocity_mps for part in parts]),
         yaw_rate_radps=np.concatenate([part.yaw_rate_radps for part in parts]),
+        past_xy_m=np.concatenate([part.past_xy_m for part in parts]),
+        past_known=np.concatenate([part.past_known for part in parts]),
         num_left_out=sum(part.num_left_out for part in parts),
     )
 

@@ -10,6 +10,7 @@ import numpy as np
 from PIL import Image
 
 from shoot.bootstrap import Interval
+from shoot.calibration import Reliability
 from shoot.evaluation import Report, Results
 from shoot.html_report import PageDetails, SampleCard, render_page
 from shoot.html_report.columns import GROUPS, MAIN
@@ -27,13 +28,6 @@ HOSTILE = (
     "]]><!-- </svg>",
     "nul\x00bell\x07 half\udc80 wide語",
 )
-
-
-@dataclass(frozen=True)
-class Bins:
-    confidence: np.ndarray
-    accuracy: np.ndarray
-    count: np.ndarray
 
 
 class Numbers:
@@ -57,9 +51,8 @@ def make_results(
 ) -> Results:
     checks = tuple(key for key in keys if key.startswith(("collision", "off_road", "comfort")))
     spread = np.array([0.1, 0.2, 0.4])
-    bins = Bins(spread, spread[::-1].copy(), np.array([4, 4, 4]))
-    return _built(
-        Results,
+    bins = Reliability(spread, spread[::-1].copy(), np.array([4, 4, 4]))
+    return Results(
         num_samples=12,
         num_scenes=3 if numbers.has_bounds else 1,
         methods={name: numbers.metrics(keys) for name in methods},
@@ -86,13 +79,14 @@ def make_report(
     def parts(names: tuple[str, ...]) -> dict[str, Results]:
         return {name: make_results(numbers, methods, keys) for name in names}
 
-    return _built(
-        Report,
+    return Report(
         split=split,
         overall=make_results(numbers, methods, keys),
         by_manoeuvre=parts(("standing", "straight")),
         by_condition=parts(conditions),
         by_speed=parts(("0-1 m/s", "over 10 m/s")),
+        num_boxes_left_out=7,
+        num_samples_with_boxes_left_out=5,
     )
 
 
@@ -124,14 +118,6 @@ def hostile_page(word: str) -> str:
         "best": [make_card(token=f"best {word}")],
     }
     return render_page(report, cards, PageDetails(word, word, word, word, 40))
-
-
-def _built(kind: type[Any], **values: Any) -> Any:
-    """A dataclass with these values, also those it does not have as fields."""
-    built = object.__new__(kind)
-    for name, value in values.items():
-        object.__setattr__(built, name, value)
-    return built
 
 
 @dataclass

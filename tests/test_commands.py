@@ -38,8 +38,12 @@ def test_report_keeps_its_contract(evaluated: tuple[str, Path]) -> None:
     assert (report["split"], report["num_samples"], report["num_scenes"]) == (
         "val", NUM_VAL, NUM_VAL_SCENES,
     )  # fmt: skip
-    assert list(report["methods"]) == ["model", "prior", "blind", "constant_velocity"]
-    assert list(report["differences"]) == ["prior", "blind", "constant_velocity"]
+    others = [
+        "prior", "speed_prior", "standing_still", "constant_velocity", "constant_yaw_rate",
+        "past_motion", "blind", "model_knowing_speed",
+    ]  # fmt: skip
+    assert list(report["methods"]) == ["model", *others]
+    assert list(report["differences"]) == others
     for method in report["methods"].values():
         for name in ("top1", "top5", "top10", "top20", "nll"):
             interval = method[name]

@@ -2,6 +2,7 @@
 
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -374,3 +375,10 @@ def test_of_many_methods_the_plots_show_model_prior_and_the_best() -> None:
     methods["m0"] = {"nll": Interval(float("nan"), 0.0, 0.0)}
     methods["m1"] = {}
     assert plotted_methods(methods) == ["m2", "m3", "prior", "m4", "m5", "model"]
+
+
+def test_boxes_left_out_are_counted_on_the_page() -> None:
+    page = render_page(make_report(), {}, DETAILS)
+    assert "Left out: 7 boxes, at 5 of 12 samples." in page
+    none = replace(make_report(), num_boxes_left_out=0, num_samples_with_boxes_left_out=0)
+    assert "Left out:" not in render_page(none, {}, DETAILS)

@@ -17,7 +17,7 @@ from tiny_tables import (
 )
 
 from lss_core.data.samples import SampleIndex, load_index, rows_of_split
-from shoot.trajectories import futures_from_poses, mine_futures
+from shoot.trajectories import futures_from_poses, mine_futures, past_from_poses
 
 Poses = tuple[np.ndarray, np.ndarray, np.ndarray]
 
@@ -174,6 +174,59 @@ def test_matches_a_plain_loop(seed: int) -> None:
     assert row == len(futures)
 
 
+def test_past_of_a_left_circle_by_hand() -> None:
+    # Radius 10 m, pi / 20 rad in half a second: behind and to the left, where the circle came from.
+    scene = TinyScene(
+        "arc", speed_mps=math.pi, yaw_rate_radps=math.pi / 10.0, yaw_rad=2.3, x_m=-7.0, y_m=41.0
+    )
+    past, known = past_from_poses(*drive(scene, np.arange(0.0, 8.0, 0.05)), np.array([3.0]))
+    assert known.all()
+    angle = math.pi / 10.0 * 0.25 * np.arange(1, 9)
+    np.testing.assert_allclose(past[0, :, 0], -10.0 * np.sin(angle), atol=2e-3)
+    np.testing.assert_allclose(past[0, :, 1], 10.0 * (1.0 - np.cos(angle)), atol=2e-3)
+
+
+def test_past_ends_where_the_recording_begins() -> None:
+    # 2 m/s from 0.1 s on; 0.85 s reaches back three steps, 0.6 s exactly two.
+    times_s = np.array([0.1, 0.35, 0.6, 0.85, 4.0])
+    xy_m = np.stack([2.0 * times_s, np.full(5, 7.0)], axis=-1)
+    past, known = past_from_poses(times_s, xy_m, np.zeros(5), np.array([0.1, 0.6, 0.85, 4.0]))
+    assert known.sum(1).tolist() == [0, 2, 3, 8]
+    np.testing.assert_allclose(past[2, :3], [[-0.5, 0.0], [-1.0, 0.0], [-1.5, 0.0]])
+    assert not past[~known].any()
+
+
+@given(seed=st.integers(0, 1000))
+def test_past_is_the_future_of_a_car_that_drives_backwards(seed: int) -> None:
+    times_s, xy_m, yaw = random_drive(seed)
+    starts_s = np.linspace(times_s[0] + 2.01, times_s[-1], 11)
+    past, known = past_from_poses(times_s, xy_m, yaw, starts_s)
+    assert known.all()
+    expected, _ = futures_from_poses(
+        -times_s[::-1], xy_m[::-1], yaw[::-1], -starts_s[::-1], horizon_s=2.0
+    )
+    np.testing.assert_allclose(past, expected[::-1], atol=1e-8)
+
+
+@given(seed=st.integers(0, 1000))
+def test_past_never_sees_the_future(seed: int) -> None:
+    # Two drives that part after a pose; from there they share nothing.
+    times_s, xy_m, yaw = random_drive(seed)
+    other_times_s, other_xy_m, other_yaw = random_drive(seed + 1)
+    now = 70
+    later_s = times_s[now] + other_times_s
+    starts_s = times_s[: now + 1]
+    expected = past_from_poses(times_s, xy_m, yaw, starts_s)
+    got = past_from_poses(
+        np.concatenate([starts_s, later_s]),
+        np.concatenate([xy_m[: now + 1], other_xy_m]),
+        np.concatenate([yaw[: now + 1], other_yaw]),
+        starts_s,
+    )
+    np.testing.assert_array_equal(got[0], expected[0])
+    np.testing.assert_array_equal(got[1], expected[1])
+
+
 @pytest.fixture(scope="module")
 def index(tiny_root: Path) -> SampleIndex:
     return load_index(tiny_root, VERSION, ("CAM_FRONT",))
@@ -214,6 +267,13 @@ def test_mined_futures_and_motion_are_the_arcs(index: SampleIndex, tiny_root: Pa
             futures.velocity_mps[own][1:, 0], scene.speed_mps, atol=0.02 * scene.speed_mps
         )
         np.testing.assert_allclose(futures.yaw_rate_radps[own][1:], scene.yaw_rate_radps, atol=1e-6)
+        # Keyframes every half second: two steps of a quarter more each, until all eight are known.
+        known = futures.past_known[own]
+        assert known.sum(1).tolist() == [0, 2, 4, 6, 8, 8, 8]
+        back = -scene.yaw_rate_radps * times_s[:8]
+        arc = radius_m * np.stack([np.sin(back), 1.0 - np.cos(back)], axis=-1)
+        expected = np.where(known[..., None], arc, 0.0)
+        np.testing.assert_allclose(futures.past_xy_m[own], expected, atol=2e-3)
 
 
 def test_recent_motion_never_sees_the_future(tmp_path: Path) -> None:
@@ -229,6 +289,8 @@ def test_recent_motion_never_sees_the_future(tmp_path: Path) -> None:
     assert not np.allclose(slow.xy_m, fast.xy_m)
     np.testing.assert_array_equal(slow.velocity_mps, fast.velocity_mps)
     np.testing.assert_array_equal(slow.yaw_rate_radps, fast.yaw_rate_radps)
+    np.testing.assert_array_equal(slow.past_xy_m, fast.past_xy_m)
+    np.testing.assert_array_equal(slow.past_known, fast.past_known)
 
 
 def _index_of_track(times_s: np.ndarray, x_m: np.ndarray) -> SampleIndex:
@@ -267,4 +329,6 @@ def test_selection_keeps_the_count(index: SampleIndex, tiny_root: Path) -> None:
     chosen = futures.select(mask)
     np.testing.assert_array_equal(chosen.xy_m, futures.xy_m[mask])
     np.testing.assert_array_equal(chosen.sample, futures.sample[mask])
+    np.testing.assert_array_equal(chosen.past_xy_m, futures.past_xy_m[mask])
+    np.testing.assert_array_equal(chosen.past_known, futures.past_known[mask])
     assert len(chosen.sample) + chosen.num_left_out == len(futures.sample) + futures.num_left_out

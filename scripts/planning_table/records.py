@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.machine import processor_name
-from planning_table.experiments import Experiment
 
 from lss_core.files import write_atomically
+from planning_table.experiments import Experiment
 from shoot.run_folder import RunFolder
 
 Record = dict[str, Any]
@@ -45,7 +45,8 @@ def record_of(experiment: Experiment, folder: Path, jobs: int) -> Record:
         **{
             key: report[key]
             for key in (
-                "split", "num_samples", "num_scenes", "methods", "differences", "oracle", "driver",
+                "split", "num_samples", "num_scenes", "num_boxes_left_out",
+                "num_samples_with_boxes_left_out", "methods", "differences", "oracle", "driver",
             )
         },
         **{kind: {name: _part(part) for name, part in report[kind].items()} for kind in _PARTS},

@@ -10,11 +10,12 @@ import tyro
 from shoot.allocation import keep_freed_memory
 from shoot.cli.app import run
 from shoot.cli.render import OtherData
-from shoot.comparison import compare
-from shoot.evaluation import Report
+from shoot.comparison import score, sum_up
+from shoot.evaluation import MODEL, Report
 from shoot.html_report import PageDetails, write_page
 from shoot.prediction import TrainedRun, open_run
 from shoot.report_table import format_table
+from shoot.sample_cards import make_cards
 
 
 @dataclass(frozen=True)
@@ -58,12 +59,14 @@ def evaluate(config: EvaluateConfig) -> Report:
         config.data.skip_missing,
     )
     keep_freed_memory()
-    report = compare(trained, config.split, fast=config.fast)
+    scored = score(trained, config.split, fast=config.fast)
+    report = sum_up(trained, scored, config.split)
     print(format_table(report))
     report.save(Path(config.out))
     print(f"Report: {config.out}")
     if config.html is not None:
-        write_page(report, {}, _details(config, trained), config.html)
+        cards = make_cards(trained, scored.samples, scored.log_probs[MODEL])
+        write_page(report, cards, _details(config, trained), config.html)
         print(f"Page: {config.html}")
     return report
 

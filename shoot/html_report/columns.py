@@ -75,6 +75,19 @@ CALIBRATION: Final = Group(
     ),
 )
 
+SAFETY: Final = Group(
+    "Collisions and leaving the road",
+    "Share of chosen trajectories on which the ego would have touched an annotated road user, "
+    "or left the drivable area of the map, up to that time. The others move as recorded and "
+    "do not give way. Boxes that the driver's own path touches are taken to be inexact and "
+    "left out, so the driven path never collides; where it leaves the road, the map may be "
+    "wrong.",
+    (
+        *_of_time("collision", "Collision, %", SECONDS),
+        *_of_time("off_road", "Off the road, %", SECONDS),
+    ),
+)
+
 GROUPS: Final = (
     CALIBRATION,
     Group(
@@ -101,18 +114,7 @@ GROUPS: Final = (
             *_of_time("l2_upto", "L2, mean up to it, m", L2_SECONDS),
         ),
     ),
-    Group(
-        "Collisions and leaving the road",
-        "Share of chosen trajectories on which the ego would have touched an annotated road user, "
-        "or left the drivable area of the map, up to that time. The others move as recorded and "
-        "do not give way. Boxes that the driver's own path touches are taken to be inexact and "
-        "left out, so the driven path never collides; where it leaves the road, the map may be "
-        "wrong.",
-        (
-            *_of_time("collision", "Collision, %", SECONDS),
-            *_of_time("off_road", "Off the road, %", SECONDS),
-        ),
-    ),
+    SAFETY,
     Group(
         "Comfort",
         "How the chosen trajectory would feel: largest acceleration and jerk on the way, and the "

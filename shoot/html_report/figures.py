@@ -10,7 +10,6 @@ from shoot.html_report.columns import NLL, TOP_10
 from shoot.html_report.markup import Html, element, join
 from shoot.html_report.plots import (
     Look,
-    ReliabilityBins,
     draw_key,
     draw_parts,
     draw_reliability,
@@ -82,7 +81,7 @@ def part_figures(anchor: str, title: str, parts: Mapping[str, Results], overall:
 
 def reliability_figures(overall: Results) -> Html:
     """A reliability diagram for each method plotted that is not equally sure of all samples."""
-    every: Mapping[str, ReliabilityBins] = getattr(overall, "reliability", {})
+    every = overall.reliability
     names = plotted_methods(overall.methods)
     shown = {name: every[name] for name in names if name in every and len(every[name].accuracy) > 1}
     if not shown:

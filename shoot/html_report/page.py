@@ -16,6 +16,7 @@ from shoot.html_report.columns import (
     MAIN,
     NLL,
     ORACLE_KEYS,
+    SAFETY,
     TOP_10,
     Column,
     other_columns,
@@ -80,7 +81,7 @@ def render_page(
     sections = [
         ("guide", "How to read this", _guide(overall, details)),
         ("methods", "All methods", _methods(overall)),
-        ("driving", "Calibration and driving", _driving(overall)),
+        ("driving", "Calibration and driving", _driving(report)),
         ("parts", "Part by part", _parts(report)),
         ("samples", "Samples", _samples(cards)),
     ]
@@ -162,10 +163,10 @@ def _outcome(differences: Mapping[str, Mapping[str, Interval]], column: Column) 
     return element("p", f"In {column.name.partition(',')[0]} the {MODEL} is {'; '.join(clauses)}.")
 
 
-def _driving(overall: Results) -> Html:
+def _driving(report: Report) -> Html:
+    overall = report.overall
     oracle = {ORACLE_KEYS.get(key, key): value for key, value in overall.oracle.items()}
-    driver: Mapping[str, Interval] = getattr(overall, "driver", {})
-    limits = {"nearest template": oracle, "driven path": driver}
+    limits = {"nearest template": oracle, "driven path": overall.driver}
     every = (*overall.methods.values(), *limits.values())
     keys = [key for metrics in every for key in metrics]
     parts = []
@@ -174,6 +175,13 @@ def _driving(overall: Results) -> Html:
         parts.append(_group(overall, limits, group.columns, keys))
         if group is CALIBRATION:
             parts.append(reliability_figures(overall))
+        if group is SAFETY and report.num_boxes_left_out:
+            parts.append(
+                _note(
+                    f"Left out: {report.num_boxes_left_out} boxes, at "
+                    f"{report.num_samples_with_boxes_left_out} of {overall.num_samples} samples."
+                )
+            )
     others = other_columns(keys)
     if others:
         parts += [element("h3", "Other metrics"), _group(overall, limits, others, keys)]
@@ -204,10 +212,9 @@ def _group(
 
 
 def _parts(report: Report) -> Html:
-    by_speed: Mapping[str, Results] = getattr(report, "by_speed", {})
     groups = (
         ("manoeuvre", "By manoeuvre", report.by_manoeuvre),
-        ("speed", "By speed", by_speed),
+        ("speed", "By speed", report.by_speed),
         ("condition", "By light and weather", report.by_condition),
     )
     return join(

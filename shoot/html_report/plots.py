@@ -4,15 +4,15 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import cycle
-from typing import Any, Final, Protocol, runtime_checkable
+from typing import Any, Final
 
 import matplotlib as mpl
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from shoot.bootstrap import Interval
+from shoot.calibration import Reliability
 from shoot.evaluation import MODEL, Results
 from shoot.html_report.columns import Column
 from shoot.html_report.markup import legible
@@ -37,19 +37,6 @@ class Look:
 
     colour: str
     marker: str
-
-
-@runtime_checkable
-class ReliabilityBins(Protocol):
-    """Bins of samples by the probability of the most probable template, ascending."""
-
-    @property
-    def confidence(self) -> npt.NDArray[Any]:
-        """Mean probability of each bin, [J]."""
-
-    @property
-    def accuracy(self) -> npt.NDArray[Any]:
-        """Share of each bin in which the template is the label, [J]."""
 
 
 def method_looks(names: Sequence[str]) -> dict[str, Look]:
@@ -126,7 +113,7 @@ def draw_top_k(methods: Mapping[str, Mapping[str, Interval]], looks: Mapping[str
     return figure
 
 
-def draw_reliability(bins: ReliabilityBins, look: Look, limit: float) -> Figure:
+def draw_reliability(bins: Reliability, look: Look, limit: float) -> Figure:
     """How often the most probable template is the label, against its probability.
 
     Args:
@@ -149,7 +136,7 @@ def draw_reliability(bins: ReliabilityBins, look: Look, limit: float) -> Figure:
     return figure
 
 
-def reliability_limit(reliability: Mapping[str, ReliabilityBins]) -> float:
+def reliability_limit(reliability: Mapping[str, Reliability]) -> float:
     """End of the axes that holds every point of every method; above 0, at most about 1."""
     values = [
         np.ravel(v) for bins in reliability.values() for v in (bins.confidence, bins.accuracy)

@@ -1,0 +1,33 @@
+"""What any planner stands beside: what is known without looking, and from motion alone."""
+
+from shoot.baselines.blind import BlindFit, fit_blind
+from shoot.baselines.folds import scene_folds
+from shoot.baselines.kinematic import (
+    constant_velocity_futures,
+    constant_yaw_rate_futures,
+    driving_on_log_prob,
+    fit_sigma,
+    future_log_prob,
+    standing_still_log_prob,
+)
+from shoot.baselines.past_motion import PastMotionFit, fit_past_motion
+from shoot.baselines.prior import fit_prior, prior_log_prob
+from shoot.baselines.speed_prior import SpeedPrior, fit_speed_prior
+
+__all__ = [
+    "BlindFit",
+    "PastMotionFit",
+    "SpeedPrior",
+    "constant_velocity_futures",
+    "constant_yaw_rate_futures",
+    "driving_on_log_prob",
+    "fit_blind",
+    "fit_past_motion",
+    "fit_prior",
+    "fit_sigma",
+    "fit_speed_prior",
+    "future_log_prob",
+    "prior_log_prob",
+    "scene_folds",
+    "standing_still_log_prob",
+]
