@@ -1,0 +1,102 @@
+"""The queue of runs behind docs/results.md, and the tables made of what they leave."""
+
+import importlib
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+from world_fixture import SMALL_FLAGS, TinyRun
+
+from lss_core.errors import DataError
+
+ROOT = Path(__file__).parents[1]
+FLAGS = (*SMALL_FLAGS, "--optim.steps", "2", "--val-every", "2")
+
+
+@pytest.fixture
+def table(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """The script's modules."""
+    monkeypatch.syspath_prepend(ROOT / "scripts")
+
+    class Modules:
+        experiments = importlib.import_module("planning_table.experiments")
+        page = importlib.import_module("planning_table.page")
+        records = importlib.import_module("planning_table.records")
+        work = importlib.import_module("planning_table.work")
+
+    return Modules
+
+
+@pytest.fixture
+def place(table: Any, tiny_run: TinyRun, tmp_path: Path) -> Any:
+    """A tiny data set and its templates where the queue looks for them."""
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    (folder / "world").symlink_to(tiny_run.root)
+    (folder / "templates.npz").write_bytes(tiny_run.templates.read_bytes())
+    card = folder / "world" / "world.json"
+    if not card.exists():
+        card.write_text('{"train_scenes": 4}')
+    return table.work.Place(folder, tmp_path / "records")
+
+
+@pytest.mark.slow
+def test_runs_are_trained_evaluated_and_not_repeated(table: Any, place: Any) -> None:
+    runs = [table.experiments.Experiment("camera", "small", seed) for seed in (0, 1)]
+    assert table.work.run_all(runs[:1], place, 1, FLAGS) == []
+    record = json.loads(place.record(runs[0]).read_text())
+    assert (record["name"], record["seed"], record["num_samples"]) == ("camera-0", 0, 15)
+    assert record["train_s"] > 0.0
+    assert (place.folder / "camera-0" / "report.html").is_file()
+    # The record alone tells that a run is done, wherever it was made.
+    record["methods"]["model"]["top10"]["value"] = 60.0
+    place.record(runs[1]).write_text(json.dumps(record | {"name": "camera-1", "seed": 1}))
+    before = place.record(runs[0]).stat().st_mtime_ns
+    assert table.work.run_all(runs, place, 1, FLAGS) == []
+    assert place.record(runs[0]).stat().st_mtime_ns == before
+    assert not (place.folder / "camera-1").exists()
+
+    page = place.folder / "page.md"
+    page.write_text("Before\n<!-- table6 -->\noutdated words\n<!-- /table6 -->\nafter\n")
+    table.page.write_tables(table.records.load_records(place.records), page)
+    text = page.read_text()
+    assert text.startswith("Before\n")
+    assert text.endswith("after\n")
+    assert "outdated" not in text
+    first = json.loads(place.record(runs[0]).read_text())["methods"]["model"]["top10"]["value"]
+    top10 = [first, 60.0]
+    line = next(line for line in text.splitlines() if line.startswith("| **camera**"))
+    cells = [cell.strip() for cell in line.split("|")]
+    assert cells[3] == f"{sum(top10) / 2:.1f} ({min(top10):.1f} to {max(top10):.1f})"
+
+
+def test_a_failing_run_is_named_and_leaves_no_record(table: Any, place: Any) -> None:
+    run = table.experiments.Experiment("camera", "small", 0, ("--train-split", "nowhere"))
+    assert table.work.run_all([run], place, 1, FLAGS) == ["camera-0"]
+    assert not place.record(run).exists()
+    assert "nowhere" in (place.folder / "camera-0" / "train.log").read_text()
+
+
+def test_a_page_without_markers_is_left_alone(table: Any, tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("nothing here")
+    with pytest.raises(DataError, match="once each"):
+        table.page.write_tables([], page)
+    assert page.read_text() == "nothing here"
+
+
+def test_the_page_holds_what_the_records_say(table: Any, tmp_path: Path) -> None:
+    """docs/results.md is made of docs/results/ and of nothing else."""
+    page = ROOT / "docs" / "results.md"
+    again = tmp_path / "results.md"
+    again.write_text(page.read_text())
+    table.page.write_tables(table.records.load_records(ROOT / "docs" / "results"), again)
+    assert again.read_text() == page.read_text()
+
+
+def test_names_of_runs_are_unique(table: Any) -> None:
+    names = [experiment.name for experiment in table.experiments.ALL]
+    assert len(set(names)) == len(names)
+    assert all(re.fullmatch(r"[a-z0-9-]+", name) for name in names)
