@@ -5,14 +5,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from lss_core.camera import project
 from lss_core.config import CAMERAS, DataConfig
 from lss_core.data.dataset import CameraDataset, ego_from_camera, usable_rows
-from lss_core.data.lidar import load_sweep
+from lss_core.data.lidar import load_scans, load_sweep
 from lss_core.data.samples import SampleIndex, load_index, rows_of_split
 from lss_core.errors import DataError
 from lss_core.geometry import apply, invert
+from lss_core.grid import BevGrid
+from lss_core.lidar_encoder import PillarEncoder
 from shoot.trajectories import mine_futures
 
 pytestmark = pytest.mark.real
@@ -180,3 +183,34 @@ def test_later_samples_lack_images(index: SampleIndex, rows: np.ndarray, real_ro
     with pytest.raises(DataError, match="38 of 39 samples lack images"):
         usable_rows(index, real_root, rows, skip_missing=False)
     assert usable_rows(index, real_root, rows, skip_missing=True).tolist() == [rows[0]]
+
+
+def test_pillars_of_the_real_sweep(index: SampleIndex, rows: np.ndarray, real_root: Path) -> None:
+    row = int(rows[0])
+    points = load_scans(index, real_root, row, 1)
+    whole = load_sweep(index, real_root, row)
+    lidar_xy = index.ego_from_lidar[row][:2, 3]
+    far = np.hypot(*(whole[:, :2] - lidar_xy).T)
+    # Some hundred returns are of the car itself; nothing else is left out.
+    assert 100 < len(whole) - len(points) < 0.5 * len(whole)
+    np.testing.assert_allclose(points[:, :3], whole[far >= 2.2], atol=0.02)
+    assert (points[:, 4] == 0.0).all()
+    assert 0.0 <= points[:, 3].min() < points[:, 3].max() <= 255.0
+
+    encoder = PillarEncoder(BevGrid(), channels=8, z_min_m=-10.0, z_max_m=10.0).eval()
+    with torch.no_grad():
+        pillars = encoder(torch.from_numpy(points), torch.tensor([0]))[0]
+    cells, inside = BevGrid().cells(torch.from_numpy(points[:, :2]))
+    hit = torch.zeros(BevGrid().shape, dtype=torch.bool)
+    hit[cells[inside][:, 0], cells[inside][:, 1]] = True
+    assert (pillars[:, ~hit] == 0.0).all()
+    assert hit.float().mean() > 0.02
+
+
+def test_earlier_scans_are_missed_by_name(
+    index: SampleIndex, rows: np.ndarray, real_root: Path
+) -> None:
+    """Only one sweep of the scene is in the folder."""
+    assert usable_rows(index, real_root, rows[:1], False, lidar_scans=1).tolist() == [rows[0]]
+    with pytest.raises(DataError, match=r"lack lidar sweeps: .*LIDAR_TOP"):
+        usable_rows(index, real_root, rows, False, lidar_scans=10)

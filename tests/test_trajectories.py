@@ -320,6 +320,8 @@ def _index_of_track(times_s: np.ndarray, x_m: np.ndarray) -> SampleIndex:
         track_time_s=times_s,
         track_xy_m=np.stack([x_m, np.zeros_like(x_m)], axis=-1),
         track_yaw_rad=np.zeros_like(x_m),
+        global_from_track=np.tile(np.eye(4), (len(times_s), 1, 1)),
+        sweep_path=np.full(len(times_s), b""),
     )
 
 

@@ -129,7 +129,7 @@ def capture_scene(order: SceneOrder, town: Town, paint: Paint, root: Path) -> di
     num_steps = round(order.duration_s / LIDAR_PERIOD_S)
     tail_steps = round(order.tail_s / LIDAR_PERIOD_S)
     pictured = keyframe_steps(num_steps - tail_steps, rng, order.keyframe_s)
-    # Random numbers of their own, which change nothing about the images before the tail.
+    # Random numbers of their own: when images are taken does not hang on the tail's keyframes.
     tail_rng = np.random.default_rng([scene_seed, 22])
     after = keyframe_steps(num_steps, tail_rng, order.keyframe_s, pictured[-1])
     # One that has the whole horizon ahead of it would be a sample like the others, without images.
