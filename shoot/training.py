@@ -3,6 +3,7 @@
 import logging
 import math
 import os
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,13 +14,16 @@ import torch.distributed as dist
 from pytorch_lightning.callbacks import LearningRateMonitor, ModelCheckpoint
 from pytorch_lightning.loggers import TensorBoardLogger
 from pytorch_lightning.strategies import DDPStrategy
+from pytorch_lightning.utilities import rank_zero_only
 from torch import Tensor
 from torch.optim import Optimizer
 
 from lss_core.batch import Batch
 from lss_core.errors import DataError
+from lss_core.files import sole_writer
 from lss_core.model import make_model
 from shoot.allocation import keep_freed_memory
+from shoot.checkpoint_file import WholeCheckpoints
 from shoot.config import OptimConfig, Precision, TrainConfig
 from shoot.datamodule import PlanBatch, PlanningData, check_shares
 from shoot.loop_callbacks import EndTogether, JointStatistics, RoundProgress, TrainingTime, TrueStep
@@ -28,6 +32,7 @@ from shoot.metrics_file import MetricsFile
 from shoot.planner import Planner
 from shoot.precision import agreed_precision, fastest_precision
 from shoot.run_folder import LAST, RunFolder
+from shoot.signals import EndOnSignal
 from shoot.templates import TemplateSet
 
 logger = logging.getLogger(__name__)
@@ -163,6 +168,12 @@ def train(config: TrainConfig) -> Path:
     check_shares(config.optim.batch_size, math.prod(_processes(config)))
     templates = TemplateSet.load(config.templates)
     run = RunFolder(Path(config.out))
+    # Of several processes of one run the first keeps others out.
+    with sole_writer(run.folder) if rank_zero_only.rank == 0 else nullcontext():
+        return _train(config, run, templates)
+
+
+def _train(config: TrainConfig, run: RunFolder, templates: TemplateSet) -> Path:
     if config.precision == "auto":
         config = replace(config, precision=_settle_precision(config, run))
     resume_from = run.begin(config, templates)
@@ -200,7 +211,10 @@ def make_trainer(config: TrainConfig, run: RunFolder, resume: bool = False) -> p
         num_nodes=num_nodes,
         strategy=strategy,
         precision=config.precision,
-        plugins=JointStatistics() if many and config.sync_batchnorm else None,
+        plugins=[
+            WholeCheckpoints(),
+            *([JointStatistics()] if many and config.sync_batchnorm else []),
+        ],
         max_steps=config.optim.steps,
         max_epochs=-1,  # not counted: after a resumption Lightning is one too many
         num_sanity_val_steps=0,
@@ -225,6 +239,7 @@ def make_trainer(config: TrainConfig, run: RunFolder, resume: bool = False) -> p
             LearningRateMonitor("step"),
             RoundProgress(config.optim.steps, config.val_every),
             TrainingTime(run.time_file),
+            EndOnSignal(run.checkpoints / LAST, config.val_every, config.optim.steps),
             EndTogether(),
         ],
         enable_model_summary=False,

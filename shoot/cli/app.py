@@ -2,6 +2,7 @@
 
 import logging
 import os
+import signal
 import sys
 import warnings
 from collections.abc import Callable
@@ -24,7 +25,7 @@ def run(
     """Parse the command line into `config_type` and call `function` with it.
 
     A `DataError` becomes one sentence on standard error and exit status 2; so does a file that
-    cannot be written, and a wrong flag. Ctrl-C ends with status 130.
+    cannot be written, and a wrong flag. Ctrl-C ends with status 130, SIGTERM with 143.
     """
     logging.basicConfig(
         level=logging.INFO, format="%(message)s", handlers=[RichHandler(show_path=False)]
@@ -34,6 +35,8 @@ def run(
     warnings.filterwarnings("ignore", module=r"pytorch_lightning\.")
     # DDP on the weights of 1x1 convolutions, whose two memory formats are one and the same.
     warnings.filterwarnings("ignore", message="Grad strides do not match bucket view strides")
+    # So that what is half done is cleared away, as on Ctrl-C.
+    signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
     try:
         config = tyro.cli(config_type, description=description)
         function(config)

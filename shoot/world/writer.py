@@ -21,6 +21,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from lss_core.data.splits import official_scenes
 from lss_core.errors import DataError
+from lss_core.files import sole_writer
 from shoot.parallel import run_jobs
 from shoot.world.capture import LIDAR, SceneOrder, capture_scene, texel_m
 from shoot.world.maps import canvas_of, merge_layers, town_layers, town_mask, write_mask
@@ -130,6 +131,13 @@ def make_world(config: MakeWorldConfig) -> None:
         DataError: If the folder holds something else, or a world with other settings.
     """
     root = config.out
+    if root.exists() and not root.is_dir():
+        raise DataError(f"'{root}' is a file; name a folder for the data set.")
+    with sole_writer(root):
+        _make_world(config, root)
+
+
+def _make_world(config: MakeWorldConfig, root: Path) -> None:
     if _is_finished(root, config):
         shutil.rmtree(root / _PARTS, ignore_errors=True)
         return
@@ -157,8 +165,6 @@ def make_world(config: MakeWorldConfig) -> None:
 
 def _is_finished(root: Path, config: MakeWorldConfig) -> bool:
     """Compare the folder with the settings; note them in a new one."""
-    if root.exists() and not root.is_dir():
-        raise DataError(f"'{root}' is a file; name a folder for the data set.")
     card_path, tables = root / CARD, root / VERSION
     if not card_path.exists():
         if tables.exists():
