@@ -10,11 +10,10 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
-from planning_table.experiments import HALF, Experiment
-from planning_table.records import record_of, save_record
-
 from lss_core.data.splits import official_scenes
 from lss_core.files import write_atomically
+from planning_table.experiments import HALF, Experiment
+from planning_table.records import record_of, save_record
 from shoot.cli.fit_templates import DataSource, FitTemplatesConfig, fit
 from shoot.world.writer import VERSION, MakeWorldConfig, make_world
 
