@@ -28,6 +28,8 @@ class OptimConfig:
         clip_norm: Gradients are scaled down to this norm (released code: 5.0).
         warmup_steps: Steps over which the rate rises linearly.
         schedule: `constant`, or `cosine` down to zero at the last step.
+        max_bad_steps: As many steps in a row without a finite gradient, which are left out, end the
+            run.
     """
 
     steps: int = 300_000
@@ -37,10 +39,11 @@ class OptimConfig:
     clip_norm: float = 5.0
     warmup_steps: int = 0
     schedule: Literal["constant", "cosine"] = "constant"
+    max_bad_steps: int = 20
 
     def __post_init__(self) -> None:
-        if self.steps < 1 or self.batch_size < 1:
-            raise ValueError("steps and batch_size must be at least 1.")
+        if self.steps < 1 or self.batch_size < 1 or self.max_bad_steps < 1:
+            raise ValueError("steps, batch_size and max_bad_steps must be at least 1.")
 
 
 @dataclass(frozen=True)

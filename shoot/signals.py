@@ -1,4 +1,4 @@
-"""Ending on SIGINT and SIGTERM: the step under way ends, a checkpoint is written, the status tells."""
+"""Ending on SIGINT and SIGTERM: the step under way ends, and a checkpoint is written."""
 
 import logging
 import os

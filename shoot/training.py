@@ -14,7 +14,6 @@ import torch.distributed as dist
 from pytorch_lightning.callbacks import LearningRateMonitor, ModelCheckpoint
 from pytorch_lightning.loggers import TensorBoardLogger
 from pytorch_lightning.strategies import DDPStrategy
-from pytorch_lightning.utilities import rank_zero_only
 from torch import Tensor
 from torch.optim import Optimizer
 
@@ -23,6 +22,7 @@ from lss_core.errors import DataError
 from lss_core.files import sole_writer
 from lss_core.model import make_model
 from shoot.allocation import keep_freed_memory
+from shoot.bad_steps import SkipBadSteps
 from shoot.checkpoint_file import WholeCheckpoints
 from shoot.config import OptimConfig, Precision, TrainConfig
 from shoot.datamodule import PlanBatch, PlanningData, check_shares
@@ -169,7 +169,8 @@ def train(config: TrainConfig) -> Path:
     templates = TemplateSet.load(config.templates)
     run = RunFolder(Path(config.out))
     # Of several processes of one run the first keeps others out.
-    with sole_writer(run.folder) if rank_zero_only.rank == 0 else nullcontext():
+    is_first = int(os.environ.get("RANK", os.environ.get("LOCAL_RANK", "0"))) == 0
+    with sole_writer(run.folder) if is_first else nullcontext():
         return _train(config, run, templates)
 
 
@@ -239,6 +240,7 @@ def make_trainer(config: TrainConfig, run: RunFolder, resume: bool = False) -> p
             LearningRateMonitor("step"),
             RoundProgress(config.optim.steps, config.val_every),
             TrainingTime(run.time_file),
+            SkipBadSteps(config.optim.max_bad_steps, str(run.checkpoints / LAST)),
             EndOnSignal(run.checkpoints / LAST, config.val_every, config.optim.steps),
             EndTogether(),
         ],
