@@ -81,6 +81,17 @@ class CameraModel(nn.Module):
         )
         return output
 
+    def forward_with_depth(
+        self, batch: Batch
+    ) -> tuple[Float[Tensor, "B Cout X Y"], Float[Tensor, "B N D H W"]]:
+        """The map of each sample of a batch, and the depths that its features were put at."""
+        context, depth_prob = self.encode_images(batch.images, batch.camera_mask)
+        indices = self.splat_indices(
+            batch.pixel_from_camera, batch.ego_from_camera, batch.camera_mask
+        )
+        output: Tensor = self.bev_encoder(pool(context, depth_prob, indices, self.config.grid))
+        return output, depth_prob
+
     def splat(
         self,
         images: Shaped[Tensor, "B N 3 Hi Wi"],

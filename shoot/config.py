@@ -28,6 +28,8 @@ class OptimConfig:
         clip_norm: Gradients are scaled down to this norm (released code: 5.0).
         warmup_steps: Steps over which the rate rises linearly.
         schedule: `constant`, or `cosine` down to zero at the last step.
+        depth_weight: Weight of a further loss of camera planners, the cross-entropy of depths that
+            the keyframe's lidar sweep sees; 0: none, as in the paper.
         max_bad_steps: As many steps in a row without a finite gradient, which are left out, end the
             run.
     """
@@ -39,6 +41,7 @@ class OptimConfig:
     clip_norm: float = 5.0
     warmup_steps: int = 0
     schedule: Literal["constant", "cosine"] = "constant"
+    depth_weight: float = 0.0
     max_bad_steps: int = 20
 
     def __post_init__(self) -> None:

@@ -119,13 +119,15 @@ def load_split(
 class PlanningDataset(Dataset[PlanBatch]):
     """Items are asked for as (position, draw), see `CameraDataset`."""
 
-    def __init__(self, split: LabelledSplit, data: DataConfig, seed: int) -> None:
+    def __init__(
+        self, split: LabelledSplit, data: DataConfig, seed: int, with_points: bool = False
+    ) -> None:
         self.split = split
         rows = split.futures.sample
         self.sensors: CameraDataset | LidarDataset = (
             LidarDataset(split.index, rows, data)
             if data.lidar_scans
-            else CameraDataset(split.index, rows, data, seed)
+            else CameraDataset(split.index, rows, data, seed, with_points)
         )
 
     def __len__(self) -> int:
@@ -276,8 +278,10 @@ class PlanningData(pl.LightningDataModule):
         self, split: LabelledSplit, sampler: Sampler[tuple[int, int]], batch_size: int
     ) -> DataLoader[PlanBatch]:
         workers = self.config.num_workers
+        # Only training looks at the lidar to learn depths.
+        with_points = split is self.train_split and self.config.optim.depth_weight > 0.0
         return DataLoader(
-            PlanningDataset(split, self.config.data, self.config.seed),
+            PlanningDataset(split, self.config.data, self.config.seed, with_points),
             batch_size=batch_size,
             sampler=sampler,
             num_workers=workers,

@@ -21,8 +21,8 @@ from rich.table import Table
 from torch import Tensor
 
 from lss_core.batch import Batch
-from lss_core.camera import project
 from lss_core.data.lidar import load_sweep
+from lss_core.depth_targets import depth_bins, nearest_depths
 from lss_core.errors import DataError
 from lss_core.files import write_atomically
 from lss_core.model import CameraModel
@@ -69,34 +69,6 @@ class DepthStudy:
             stream.write((json.dumps(asdict(self), indent=2) + "\n").encode())
 
 
-def lidar_depths(
-    points_ego: Float[Array, "P 3"],
-    pixel_from_camera: Float[Array, "N 3 3"],
-    ego_from_camera: Float[Array, "N 4 4"],
-    image_hw: tuple[int, int],
-    stride: int,
-) -> Float[Array, "N H W"]:
-    """Depth of the nearest lidar point in each feature cell, in metres; NaN where there is none.
-
-    Args:
-        points_ego: Metres, in `ego`.
-        pixel_from_camera: Intrinsics of the network's images.
-        ego_from_camera: Camera poses.
-        image_hw: Of the network's images, in pixels.
-        stride: Pixels a feature cell.
-    """
-    height, width = (side // stride for side in image_hw)
-    nearest_m = np.full((len(pixel_from_camera), height * width), np.inf)
-    for camera, own_m in enumerate(nearest_m):
-        pixels, depth_m = project(points_ego, pixel_from_camera[camera], ego_from_camera[camera])
-        # A pixel's centre has whole numbers, so the first cell begins at -0.5.
-        cells = np.floor((np.nan_to_num(pixels, nan=-9.0) + 0.5) / stride).astype(np.int64)
-        inside = ((cells >= 0) & (cells < [width, height])).all(axis=1) & (depth_m > 0.0)
-        np.minimum.at(own_m, cells[inside, 1] * width + cells[inside, 0], depth_m[inside])
-    nearest_m[np.isinf(nearest_m)] = np.nan
-    return nearest_m.reshape(-1, height, width)
-
-
 def tell_depth(
     depth_prob: Float[Tensor, "N D H W"],
     true_m: Float[Tensor, "N H W"],
@@ -106,13 +78,9 @@ def tell_depth(
 
     Depths beyond the first or last bin by more than half a step stay as they were: no bin is right.
     """
-    step_m = depths_m[1] - depths_m[0]
-    bins = ((true_m - depths_m[0]) / step_m).round()
-    known = (bins >= 0) & (bins < len(depths_m))
-    one_hot = torch.nn.functional.one_hot(
-        torch.where(known, bins, 0).long(), num_classes=len(depths_m)
-    ).movedim(-1, 1)
-    return torch.where(known[:, None], one_hot.to(depth_prob.dtype), depth_prob)
+    bins = depth_bins(true_m, depths_m)
+    one_hot = torch.nn.functional.one_hot(bins.clamp(min=0), num_classes=len(depths_m))
+    return torch.where(bins[:, None] >= 0, one_hot.movedim(-1, 1).to(depth_prob.dtype), depth_prob)
 
 
 def study_depth(run: TrainedRun, split: LabelledSplit, num_samples: int = 400) -> DepthStudy:
@@ -157,19 +125,18 @@ def _ask(
     pixel_from_camera, poses = sensors.pixel_from_camera[one], sensors.ego_from_camera[one]
     mask = sensors.camera_mask[one]
     points = load_sweep(split.index, Path(run.config.data.root), int(sensors.sample_idx[b]))
-    true_m = lidar_depths(
-        points,
-        pixel_from_camera[0].double().cpu().numpy(),
-        poses[0].double().cpu().numpy(),
+    true_m = nearest_depths(
+        torch.from_numpy(points).to(poses),
+        pixel_from_camera[0],
+        poses[0],
         model.image_hw,
         model.config.image_stride,
     )
     context, depth_prob = model.encode_images(sensors.images[one], mask)
     depths_m = model.config.depth.depths_m
-    told = torch.from_numpy(true_m).to(depth_prob)
     kinds = {
         "own": depth_prob[0],
-        "lidar": tell_depth(depth_prob[0], told, depths_m),
+        "lidar": tell_depth(depth_prob[0], true_m, depths_m),
         "flat": torch.full_like(depth_prob[0], 1.0 / len(depths_m)),
     }
     indices = model.splat_indices(pixel_from_camera, poses, mask)
@@ -179,7 +146,7 @@ def _ask(
         scores = run.module.planner(model.bev_encoder(bev)[:, 0])
         answers[name] = scores.log_softmax(dim=-1)[0].float().cpu().numpy()
     mean_m = torch.einsum("ndhw,d->nhw", depth_prob[0], depth_prob.new_tensor(depths_m))
-    return answers, true_m, mean_m.cpu().numpy()
+    return answers, true_m.cpu().numpy(), mean_m.cpu().numpy()
 
 
 def _summary(
@@ -235,7 +202,7 @@ def format_depth_study(study: DepthStudy) -> str:
         plans.add_row(
             name, _cell(study.top10[name], "{:.1f}"), _cell(study.nll[name], "{:.2f}"), *changes
         )
-    console = Console(file=io.StringIO(), width=100, color_system=None)
+    console = Console(file=io.StringIO(), width=120, color_system=None)
     with console.capture() as captured:
         console.print(ranges, plans)
     return "\n".join(line.rstrip() for line in captured.get().splitlines()).strip("\n")

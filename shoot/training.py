@@ -18,9 +18,10 @@ from torch import Tensor
 from torch.optim import Optimizer
 
 from lss_core.batch import Batch
+from lss_core.depth_targets import batch_depth_bins, depth_loss
 from lss_core.errors import DataError
 from lss_core.files import sole_writer
-from lss_core.model import make_model
+from lss_core.model import CameraModel, make_model
 from shoot.allocation import keep_freed_memory
 from shoot.bad_steps import SkipBadSteps
 from shoot.checkpoint_file import WholeCheckpoints
@@ -62,11 +63,23 @@ class PlanningModule(pl.LightningModule):
         return self.model.forward_batch(sensors)[:, 0]
 
     def training_step(self, batch: PlanBatch, batch_idx: int) -> Tensor:
-        """Cross-entropy of the template nearest to what was driven."""
-        loss = self.planner.loss(self(batch.sensors), batch.template_idx)
+        """Cross-entropy of the template nearest to what was driven, and of depths if asked for."""
         size = len(batch.template_idx)
+        weight = self.config.optim.depth_weight
+        if weight > 0.0 and isinstance(self.model, CameraModel):
+            output, depth_prob = self.model.forward_with_depth(batch.sensors)
+            loss = self.planner.loss(self.planner(output[:, 0]), batch.template_idx)
+            config = self.model.config
+            bins = batch_depth_bins(
+                batch.sensors, self.model.image_hw, config.image_stride, config.depth.depths_m
+            )
+            of_depth = depth_loss(depth_prob, bins)
+            self.log("depth_loss", of_depth, batch_size=size, sync_dist=True)
+        else:
+            loss = self.planner.loss(self(batch.sensors), batch.template_idx)
+            of_depth = torch.zeros_like(loss)
         self.log("train_loss", loss, prog_bar=True, batch_size=size, sync_dist=True)
-        return loss
+        return loss + weight * of_depth
 
     def on_train_batch_end(self, *_: Any) -> None:
         """End the last round early if it has fewer steps than the others: it is validated too."""

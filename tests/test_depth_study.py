@@ -13,7 +13,6 @@ from shoot.datamodule import load_split
 from shoot.depth_study import (
     DEPTHS,
     format_depth_study,
-    lidar_depths,
     study_depth,
     tell_depth,
 )
@@ -21,25 +20,6 @@ from shoot.metrics import negative_log_likelihood
 from shoot.prediction import open_run, predict
 
 DEPTHS_M = (4.0, 6.0, 8.0, 10.0)
-
-
-def test_the_nearest_point_of_a_cell_counts():
-    # A camera at 1.5 m that looks along x; 16 x 32 px in cells of 8.
-    pose = np.eye(4)
-    pose[:3, :3] = np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]])
-    pose[2, 3] = 1.5
-    intrinsics = np.array([[20.0, 0, 15.5], [0, 20.0, 7.5], [0, 0, 1]])
-    points = np.array([
-        [10.0, 0.1, 1.4],  # u = 15.3, v = 7.7: row 1, column 1
-        [7.0, 0.05, 1.45],  # nearer, the same cell
-        [5.0, -3.0, 1.6],  # u = 27.5, v = 7.1: row 0, column 3
-        [-5.0, 0.0, 1.5],  # behind
-        [5.0, 30.0, 1.5],  # beside the image
-    ])  # fmt: skip
-    seen = lidar_depths(points, intrinsics[None], pose[None], (16, 32), 8)
-    expected = np.full((1, 2, 4), np.nan)
-    expected[0, 1, 1], expected[0, 0, 3] = 7.0, 5.0
-    np.testing.assert_allclose(seen, expected)
 
 
 def test_known_depths_take_all_the_mass():

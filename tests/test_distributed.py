@@ -48,7 +48,8 @@ def free_port() -> int:
 def run_in(processes: int, function: Any, run_folder: Path, out: Path) -> None:
     """Run a function in one process, or in several as torchrun would."""
     out.mkdir()
-    port = free_port()
+    # The meeting place is torchrun's own, and outlives what its processes say to each other.
+    store = torch.distributed.TCPStore("127.0.0.1", 0, is_master=True, wait_for_workers=False)
     started = []
     for rank in range(processes):
         environment = {
@@ -58,7 +59,8 @@ def run_in(processes: int, function: Any, run_folder: Path, out: Path) -> None:
             "WORLD_SIZE": processes,
             "LOCAL_WORLD_SIZE": processes,
             "MASTER_ADDR": "127.0.0.1",
-            "MASTER_PORT": port,
+            "MASTER_PORT": store.port,
+            "TORCHELASTIC_USE_AGENT_STORE": "True",
             "TORCHELASTIC_RUN_ID": "test",
         }
         started.append(

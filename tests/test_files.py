@@ -1,10 +1,37 @@
+import fcntl
 import os
+import signal
 import stat
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
-from lss_core.files import write_atomically
+from lss_core.errors import DataError
+from lss_core.files import sole_writer, write_atomically
+
+HOLD = """
+import sys, time
+from pathlib import Path
+from lss_core.files import sole_writer, write_atomically
+with sole_writer(Path(sys.argv[1])), write_atomically(Path(sys.argv[1]) / "file.bin") as stream:
+    stream.write(b"half")
+    stream.flush()
+    print("has it", flush=True)
+    time.sleep(600)
+"""
+
+
+@pytest.fixture
+def holder(tmp_path: Path) -> "subprocess.Popen[str]":
+    """Another process that is writing into the folder."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", HOLD, str(tmp_path)], stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "has it\n"
+    return process
 
 
 def test_makes_folders_and_writes_bytes(tmp_path: Path) -> None:
@@ -44,3 +71,46 @@ def test_others_may_read_it_as_the_umask_says(tmp_path: Path) -> None:
     finally:
         os.umask(before)
     assert stat.S_IMODE((tmp_path / "f").stat().st_mode) == 0o640
+
+
+def test_what_a_killed_process_left_is_cleared_away(
+    holder: "subprocess.Popen[str]", tmp_path: Path
+) -> None:
+    path = tmp_path / "file.bin"
+    (half,) = tmp_path.iterdir()
+    assert half.name.startswith(".file.bin.")
+    # As long as it lives its file is left alone.
+    with write_atomically(path) as stream:
+        stream.write(b"ours")
+    assert set(tmp_path.iterdir()) == {half, path}
+    holder.send_signal(signal.SIGKILL)
+    holder.wait()
+    with write_atomically(path) as stream:
+        stream.write(b"ours again")
+    assert list(tmp_path.iterdir()) == [path]
+    assert path.read_bytes() == b"ours again"
+
+
+def test_one_process_writes_into_a_folder_at_a_time(
+    holder: "subprocess.Popen[str]", tmp_path: Path
+) -> None:
+    with pytest.raises(DataError, match="Another process is writing into"), sole_writer(tmp_path):
+        raise AssertionError("let in")
+    holder.send_signal(signal.SIGKILL)
+    holder.wait()
+    before = set(tmp_path.iterdir())
+    for _ in range(2):
+        with sole_writer(tmp_path):
+            assert set(tmp_path.iterdir()) == before  # the lock is no file
+
+
+def test_folders_without_locks_are_written_all_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def none(*_: object) -> None:
+        raise OSError(95, "Operation not supported")
+
+    monkeypatch.setattr(fcntl, "flock", none)
+    with sole_writer(tmp_path), write_atomically(tmp_path / "f") as stream:
+        stream.write(b"x")
+    assert (tmp_path / "f").read_bytes() == b"x"

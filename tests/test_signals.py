@@ -70,3 +70,19 @@ def test_a_second_signal_ends_at_once(tiny_run: TinyRun, tmp_path: Path) -> None
     process.join(timeout=60)
     assert process.exitcode in (130, 143)
     assert not (folder / "checkpoints" / "last.ckpt").exists()
+
+
+def test_a_second_run_into_the_folder_is_refused(tiny_run: TinyRun, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    flags = train_flags(tiny_run.root, tiny_run.templates, folder, 100_000, 50_000)
+    process = start_command("shoot-train", *flags, log=tmp_path / "log")
+    try:
+        wait_for(folder / "metrics.csv", process)
+        said = command("shoot-train", *flags, "--resume")
+        assert said.status == 2
+        sentence = " ".join(said.err.split("error:")[-1].split())
+        assert sentence.startswith("Another process is writing into")
+        assert process.is_alive()
+    finally:
+        process.kill()
+        process.join()

@@ -101,15 +101,28 @@ class CameraDataset(Dataset[Batch]):
     An item is asked for as `(position, draw)`. Everything random about it follows from the seed and
     `draw` alone, so any number of workers and any restart give the same images. A negative draw
     means evaluation: no augmentation, no dropped cameras, no noise.
+
+    Args:
+        index: Of the data set.
+        rows: Its samples.
+        config: Which data, and what is done to it.
+        seed: Of everything random.
+        with_points: Give the keyframe's lidar points, too: a teacher of depth.
     """
 
     def __init__(
-        self, index: SampleIndex, rows: NDArray[np.int64], config: DataConfig, seed: int = 0
+        self,
+        index: SampleIndex,
+        rows: NDArray[np.int64],
+        config: DataConfig,
+        seed: int = 0,
+        with_points: bool = False,
     ) -> None:
         self.index = index
         self.rows = rows
         self.config = config
         self.seed = seed
+        self.with_points = with_points
         self.root = Path(config.root)
 
     def __len__(self) -> int:
@@ -139,14 +152,17 @@ class CameraDataset(Dataset[Batch]):
             intrinsics = self.index.rawpixel_from_camera[row, n]
             pixel_from_camera[n] = pixel_map.pixel_from_rawpixel @ intrinsics
         poses = self._noisy(ego_from_camera(self.index, row, self.config.ego_motion), rng)
+        points = np.zeros((0, 5), dtype=np.float32)
+        if self.with_points:
+            points = load_scans(self.index, self.root, row, 1)
         return Batch(
             images=torch.from_numpy(images).permute(0, 3, 1, 2),
             pixel_from_camera=torch.from_numpy(pixel_from_camera).float(),
             ego_from_camera=torch.from_numpy(poses.astype(np.float32)),
             camera_mask=torch.from_numpy(mask),
             sample_idx=torch.tensor(row),
-            points=torch.zeros(0, 5),
-            point_counts=torch.tensor(0),
+            points=torch.from_numpy(points),
+            point_counts=torch.tensor(len(points)),
         )
 
     def _raw_hw(self, row: int, camera: int) -> tuple[int, int]:

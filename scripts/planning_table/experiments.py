@@ -36,6 +36,7 @@ TABLE = tuple(
 )
 # What limits the camera planner: one thing changed at a time.
 LIMITS = (
+    Experiment("camera-depth", "small", 0, ("--optim.depth-weight", "0.5")),
     Experiment("camera-half-data", "small", 0, ("--train-split", HALF)),
     Experiment("lidar10-half-data", "lidar10", 0, ("--train-split", HALF)),
     Experiment("camera-half-steps", "small", 0, ("--optim.steps", "2800")),

@@ -111,7 +111,7 @@ def _planning_table(runs: dict[str, list[Record]]) -> str:
 def _difference_table(runs: dict[str, list[Record]]) -> str:
     rows = []
     for name, own in runs.items():
-        for baseline in ("prior", "blind", "constant_velocity"):
+        for baseline in ("prior", "blind", "constant_velocity", "past_motion"):
             cells = []
             for metric, least in (("top10", min), ("nll", max)):
                 worst = least(
