@@ -36,7 +36,7 @@ def run(
     # DDP on the weights of 1x1 convolutions, whose two memory formats are one and the same.
     warnings.filterwarnings("ignore", message="Grad strides do not match bucket view strides")
     # So that what is half done is cleared away, as on Ctrl-C.
-    signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
+    before = signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
     try:
         config = tyro.cli(config_type, description=description)
         function(config)
@@ -49,6 +49,8 @@ def run(
     except KeyboardInterrupt:
         print("Interrupted.", file=sys.stderr)
         sys.exit(130)
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _end(sentence: str) -> NoReturn:
