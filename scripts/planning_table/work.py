@@ -96,7 +96,8 @@ def _run(experiment: Experiment, place: Place, jobs: int, flags: Sequence[str]) 
             "--templates", str(place.templates), "--out", str(folder),
             "--seed", str(experiment.seed), "--resume", *experiment.flags, *flags,
         ]  # fmt: skip
-        if not _call(train, folder, jobs):
+        # Written at the last step only: a run that was ended from outside is not done.
+        if not _call(train, folder, jobs) or not (folder / "training_time.json").exists():
             return False
     if not evaluated_in.exists():
         _say(f"{experiment.name}: evaluation")
