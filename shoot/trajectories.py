@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from lss_core.data.samples import SampleIndex
 from lss_core.geometry import FloatArray
+from shoot.footprint import turn
 from shoot.parallel import run_jobs
 
 HORIZON_S = 5.0
@@ -110,7 +111,7 @@ def futures_from_poses(
     origin_m = _at(times_s, xy_m, here_s)
     moved_m = _at(times_s, xy_m, ahead_s) - origin_m[:, None]
     yaw = np.interp(here_s, times_s, np.unwrap(yaw_rad))
-    return _turn(moved_m, -yaw[:, None]), kept
+    return turn(moved_m, -yaw[:, None]), kept
 
 
 def past_from_poses(
@@ -142,7 +143,7 @@ def past_from_poses(
     known = behind_s >= times_s[0] - _TIME_TOLERANCE_S
     moved_m = _at(times_s, xy_m, behind_s) - _at(times_s, xy_m, starts_s)[:, None]
     yaw = np.interp(starts_s, times_s, np.unwrap(yaw_rad))
-    return np.where(known[..., None], _turn(moved_m, -yaw[:, None]), 0.0), known
+    return np.where(known[..., None], turn(moved_m, -yaw[:, None]), 0.0), known
 
 
 @dataclass(frozen=True)
@@ -260,7 +261,7 @@ def _recent_motion(
     heading = np.unwrap(yaw_rad)
     yaw = np.interp(starts_s, times_s, heading)
     moved_m = _at(times_s, xy_m, starts_s) - _at(times_s, xy_m, before_s)
-    velocity = _turn(moved_m, -yaw) / safe_s[:, None]
+    velocity = turn(moved_m, -yaw) / safe_s[:, None]
     turned = (yaw - np.interp(before_s, times_s, heading)) / safe_s
     return velocity, turned
 
@@ -268,9 +269,3 @@ def _recent_motion(
 def _at(times_s: FloatArray, xy_m: FloatArray, query_s: FloatArray) -> FloatArray:
     x_m, y_m = (np.interp(query_s, times_s, xy_m[:, axis]) for axis in range(2))
     return np.stack([x_m, y_m], axis=-1)
-
-
-def _turn(vectors: FloatArray, angle_rad: FloatArray) -> FloatArray:
-    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
-    x, y = vectors[..., 0], vectors[..., 1]
-    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
