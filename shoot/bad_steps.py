@@ -98,9 +98,8 @@ class SkipBadSteps(Callback):
         self.num_skipped = state_dict["num_skipped"]
 
     def _tokens(self, trainer: pl.Trainer) -> str:
+        data = trainer.datamodule  # type: ignore[attr-defined]
+        assert isinstance(data, PlanningData)
         assert self._batch is not None
-        rows = self._batch.sensors.sample_idx.tolist()
-        if not isinstance(trainer.datamodule, PlanningData):  # type: ignore[attr-defined]
-            return f"in rows {rows}"
-        tokens = trainer.datamodule.train_split.index.sample_token[rows]  # type: ignore[attr-defined]
-        return ", ".join(str(token) for token in tokens)
+        tokens = data.train_split.index.sample_token[self._batch.sensors.sample_idx.tolist()]
+        return ", ".join(tokens.tolist())

@@ -8,6 +8,7 @@ import numpy.typing as npt
 from jaxtyping import Bool, Float, Int
 
 from lss_core.data.boxes import Boxes
+from lss_core.data.samples import TIME_TOLERANCE_S
 from lss_core.geometry import FloatArray
 from shoot.footprint import (
     EGO_LENGTH_M,
@@ -20,8 +21,6 @@ from shoot.footprint import (
 Array = npt.NDArray[Any]
 
 _EGO_SIZE_M = np.array([EGO_LENGTH_M, EGO_WIDTH_M], dtype=np.float32)
-# Time stamps are whole microseconds but travel as float64 seconds since 1970.
-_TIME_TOLERANCE_S = 1e-6
 
 
 @dataclass(frozen=True)
@@ -85,7 +84,7 @@ def find_moments(
             # Subtracting first keeps microseconds exact.
             known_s = boxes.time_s[track] - boxes.time_s[track][0]
             asked_s = (time_s[own] - boxes.time_s[track][0])[:, None] + ahead_s
-            there = (asked_s >= -_TIME_TOLERANCE_S) & (asked_s <= known_s[-1] + _TIME_TOLERANCE_S)
+            there = (asked_s >= -TIME_TOLERANCE_S) & (asked_s <= known_s[-1] + TIME_TOLERANCE_S)
             row, step = np.nonzero(there)
             sample, at_s = own[row], asked_s[row, step]
             pose = _interpolate(known_s, boxes.xy_m[track], boxes.yaw_rad[track], at_s)

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from lss_core.data.samples import SampleIndex
+from lss_core.data.samples import TIME_TOLERANCE_S, SampleIndex
 from lss_core.geometry import FloatArray
 from shoot.footprint import turn
 from shoot.parallel import run_jobs
@@ -14,8 +14,6 @@ from shoot.parallel import run_jobs
 HORIZON_S = 5.0
 DT_S = 0.25
 PAST_S = 2.0
-# Time stamps are whole microseconds but travel as float64 seconds since 1970.
-_TIME_TOLERANCE_S = 1e-6
 _SCENES_A_JOB = 10
 
 
@@ -103,8 +101,8 @@ def futures_from_poses(
     starts_s = np.asarray(starts_s, dtype=np.float64)
     if not len(times_s):
         return np.zeros((0, num_points, 2)), np.zeros(len(starts_s), dtype=bool)
-    kept = (starts_s >= times_s[0] - _TIME_TOLERANCE_S) & (
-        starts_s + horizon_s <= times_s[-1] + _TIME_TOLERANCE_S
+    kept = (starts_s >= times_s[0] - TIME_TOLERANCE_S) & (
+        starts_s + horizon_s <= times_s[-1] + TIME_TOLERANCE_S
     )
     here_s = starts_s[kept]
     ahead_s = here_s[:, None] + dt_s * np.arange(1, num_points + 1)
@@ -140,7 +138,7 @@ def past_from_poses(
         recording does not reach back that far. [S, P] where it does.
     """
     behind_s = starts_s[:, None] - dt_s * np.arange(1, round(past_s / dt_s) + 1)
-    known = behind_s >= times_s[0] - _TIME_TOLERANCE_S
+    known = behind_s >= times_s[0] - TIME_TOLERANCE_S
     moved_m = _at(times_s, xy_m, behind_s) - _at(times_s, xy_m, starts_s)[:, None]
     yaw = np.interp(starts_s, times_s, np.unwrap(yaw_rad))
     return np.where(known[..., None], turn(moved_m, -yaw[:, None]), 0.0), known

@@ -13,7 +13,7 @@ assert undisturbed  # a fixture of the tests of resumption, used here too
 
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_the_step_ends_with_a_checkpoint(
-    number: signal.Signals, status: int, tiny_run: TinyRun, undisturbed: Path, tmp_path: Path
+    number: signal.Signals, status: int, tiny_run: TinyRun, tmp_path: Path
 ) -> None:
     folder, log = tmp_path / "run", tmp_path / "log"
     many = train_flags(tiny_run.root, tiny_run.templates, folder, 100_000, 50_000)

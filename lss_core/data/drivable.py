@@ -1,6 +1,5 @@
 """Where cars may drive: the drivable area of nuScenes' map expansion."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -9,6 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from lss_core.data.tables import decode_json
 from lss_core.errors import DataError
 from lss_core.geometry import FloatArray
 
@@ -90,7 +90,7 @@ def load_drivable_area(root: Path, location: str) -> DrivableArea:
     path = map_path(root, location)
     anew = "unpack the nuScenes map expansion (nuScenes-map-expansion-v1.3.zip)"
     try:
-        layers = _parse(path.read_bytes())
+        layers: _Map = decode_json(path.read_bytes(), _Map)
         return DrivableArea(_polygons(layers))
     except FileNotFoundError as error:
         raise DataError(f"The map '{path}' is missing; {anew} into '{root / 'maps'}'.") from error
@@ -100,16 +100,6 @@ def load_drivable_area(root: Path, location: str) -> DrivableArea:
         raise DataError(f"The map '{path}' is damaged (no record {error}); {anew} anew.") from error
     except (ValueError, RecursionError) as error:
         raise DataError(f"The map '{path}' is damaged ({error}); {anew} anew.") from error
-
-
-def _parse(text: bytes) -> _Map:
-    try:
-        return msgspec.json.decode(text, type=_Map)
-    except msgspec.ValidationError:
-        raise
-    except msgspec.DecodeError:
-        # Python's own parser is slow, but knows NaN, which may stand in layers not read here.
-        return msgspec.convert(json.loads(text), _Map)
 
 
 def _polygons(layers: _Map) -> list[shapely.Polygon]:

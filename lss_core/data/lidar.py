@@ -6,15 +6,13 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import NDArray
 
-from lss_core.data.samples import SampleIndex
+from lss_core.data.samples import TIME_TOLERANCE_S, SampleIndex
 from lss_core.errors import DataError
 from lss_core.geometry import FloatArray, apply, invert
 
 _FIELDS = 5  # x, y, z, intensity, ring: nuScenes' own layout
 # Nearer returns, measured over ground from the lidar, are from the car that carries it.
 _OWN_CAR_M = 2.2
-# Time stamps are whole microseconds but travel as float64 seconds since 1970.
-_TIME_TOLERANCE_S = 1e-6
 
 
 def load_sweep(index: SampleIndex, root: Path, row: int) -> FloatArray:
@@ -43,7 +41,7 @@ def recent_sweeps(index: SampleIndex, row: int, num_scans: int) -> NDArray[np.in
     track = index.track(int(index.sample_scene[row]))
     end = track.start + int(
         np.searchsorted(
-            index.track_time_s[track], index.time_s[row] + _TIME_TOLERANCE_S, side="right"
+            index.track_time_s[track], index.time_s[row] + TIME_TOLERANCE_S, side="right"
         )
     )
     newest_first: NDArray[np.int64] = np.arange(max(track.start, end - num_scans), end)[::-1]

@@ -25,6 +25,8 @@ from lss_core.geometry import FloatArray, interpolate_poses
 logger = logging.getLogger(__name__)
 
 _FORMAT = 3
+# Time stamps are whole microseconds but travel as float64 seconds since 1970.
+TIME_TOLERANCE_S = 1e-6
 
 
 # Texts are annotated `np.character`: checked at run time, `np.str_` stands for empty texts only.

@@ -8,7 +8,7 @@ import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -165,7 +165,7 @@ def read_pieces(folder: Path, record_type: type[RecordT]) -> Iterator[list[Recor
                 done += len(records)
                 rest = b"[" + rest[end + 1 :]
             rest += stream.read()
-        yield _decode_rest(rest, record_type)
+        yield decode_json(rest, records_type)
     except msgspec.ValidationError as error:
         # msgspec counts records from the start of the piece.
         text = re.sub(r"\$\[(\d+)\]", lambda found: f"$[{int(found[1]) + done}]", str(error))
@@ -178,12 +178,20 @@ def read_pieces(folder: Path, record_type: type[RecordT]) -> Iterator[list[Recor
         raise DataError(f"The table '{path}' cannot be read: {error}.") from error
 
 
-def _decode_rest(text: bytes, record_type: type[RecordT]) -> list[RecordT]:
-    records_type: type[list[RecordT]] = list[record_type]  # type: ignore[valid-type]
+def decode_json(text: bytes, kind: Any) -> Any:
+    """JSON as values of a type, also where it has NaN, which msgspec does not know.
+
+    Args:
+        text: JSON.
+        kind: What msgspec may make of it, as a struct or a list of them.
+
+    Raises:
+        ValueError: If it is no JSON (`msgspec.ValidationError`: JSON of something else).
+    """
     try:
-        return msgspec.json.decode(text, type=records_type)
+        return msgspec.json.decode(text, type=kind)
     except msgspec.ValidationError:
         raise
     except msgspec.DecodeError:
         # Python's own parser is slow, but knows NaN, which Python also writes.
-        return msgspec.convert(json.loads(text), records_type)
+        return msgspec.convert(json.loads(text), kind)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from lss_core.errors import DataError
 from lss_core.files import write_atomically
@@ -92,8 +93,10 @@ def _setting(runs: dict[str, list[Record]]) -> str:
 def _planning_table(runs: dict[str, list[Record]]) -> str:
     rows = []
     for name, own in runs.items():
-        cells = [_spread(own, lambda r, m=metric: r["methods"]["model"][m], metric)  # type: ignore[misc]
-                 for metric in _MAIN]  # fmt: skip
+        cells = [
+            _spread(own, lambda r, m=m: r["methods"]["model"][m], m)  # type: ignore[misc]
+            for m in _MAIN
+        ]
         rows.append([f"**{_PLANNERS[name]}**", *cells, _PAPER[name]])
     one = next(iter(runs.values()))[0]
     for name, label in _BASELINES.items():
@@ -102,8 +105,9 @@ def _planning_table(runs: dict[str, list[Record]]) -> str:
             rows.append([label, *(_interval(metrics[m], m) for m in _MAIN), ""])
     header = ["planner", *_MAIN.values(), "paper, nuScenes: top-5 / 10 / 20, %"]
     return (
-        "Planners: mean over seeds (smallest to largest). Baselines: value [95 % interval over "
-        "scenes]; those with a * know the car's own motion, which no image shows.\n\n"
+        "Planners: mean over seeds (smallest to largest) [95 % intervals over scenes, from the "
+        "lowest end of any seed's to the highest]. Baselines: value [95 % interval]; those with a "
+        "* know the car's own motion, which no image shows. The same in all tables.\n\n"
         + _markdown(header, rows)
     )
 
@@ -137,16 +141,18 @@ def _further_table(runs: dict[str, list[Record]]) -> str:
     one = _first(runs)
     for name, label in _BASELINES.items():
         if name in one["methods"]:
-            rows.append([label, *(_value(one["methods"][name].get(m), m) for m in shown)])
-    rows.append(["nearest template", *(_value(_oracle(one, m), m) for m in shown)])
-    rows.append(["the driver", *(_value(one["driver"].get(m), m) for m in shown)])
+            rows.append([label, *(_interval(one["methods"][name].get(m), m) for m in shown)])
+    rows.append(["nearest template", *(_interval(_oracle(one, m), m) for m in shown)])
+    rows.append(["the driver", *(_interval(one["driver"].get(m), m) for m in shown)])
     return "Further figures, of the most probable template where one is chosen:\n\n" + _markdown(
         ["planner", *shown.values()], rows
     )
 
 
-def _oracle(record: Record, metric: str) -> dict[str, float] | None:
-    found: dict[str, float] | None = record["oracle"].get({"min_ade_10": "ade"}.get(metric, metric))
+def _oracle(record: Record, metric: str) -> dict[str, float | None] | None:
+    """An always-right planner chooses one template: its ADE is its minADE, too."""
+    key = {"min_ade_10": "ade"}.get(metric, metric)
+    found: dict[str, float | None] | None = record["oracle"].get(key)
     return found
 
 
@@ -164,7 +170,7 @@ def _part_table(runs: dict[str, list[Record]]) -> str:
                 for own in runs.values()
             ]
             baselines = [
-                _value(first["methods"].get(m, {}).get("top10"), "top10")
+                _interval(first["methods"].get(m, {}).get("top10"), "top10")
                 for m in ("prior", "speed_prior")
             ]
             rows.append([part, str(first["num_samples"]), *cells, *baselines])
@@ -212,29 +218,32 @@ def _first(runs: dict[str, list[Record]]) -> Record:
     return next(iter(runs.values()))[0]
 
 
-def _spread(own: Sequence[Record], of: Callable[[Record], dict[str, float]], metric: str) -> str:
-    """Mean over seeds, and the smallest and largest."""
-    values = [of(record)["value"] for record in own]
+def _spread(own: Sequence[Record], of: Callable[[Record], dict[str, Any]], metric: str) -> str:
+    """Mean over seeds, the smallest and largest, and how far their intervals reach."""
+    found = [of(record) for record in own]
+    values = [interval["value"] for interval in found]
     if any(value is None for value in values):
         return "-"
-    mean = _number(sum(values) / len(values), metric)
+    mean = sum(values) / len(values)
+    bounds = [interval[end] for interval in found for end in ("low", "high")]
+    known = [bound for bound in bounds if bound is not None]
+    reach = {"value": mean, "low": min(known, default=None), "high": max(known, default=None)}
+    text = _interval(reach, metric)
     if len(values) == 1:
-        return mean
-    return f"{mean} ({_number(min(values), metric)} to {_number(max(values), metric)})"
+        return text
+    seeds = f"({_number(min(values), metric)} to {_number(max(values), metric)})"
+    return " ".join((text.split(" ")[0], seeds, *text.split(" ")[1:]))
 
 
-def _interval(interval: dict[str, float], metric: str, sign: bool = False) -> str:
-    parts = [interval[key] for key in ("value", "low", "high")]
-    if any(part is None for part in parts):
-        return _value(interval, metric)
-    value, low, high = (_number(part, metric, sign) for part in parts)
-    return f"{value} [{low}, {high}]"
-
-
-def _value(interval: dict[str, float] | None, metric: str) -> str:
+def _interval(interval: dict[str, float | None] | None, metric: str, sign: bool = False) -> str:
+    """The value with its bounds, where it has any."""
     if interval is None or interval["value"] is None:
         return "-"
-    return _number(interval["value"], metric)
+    value = _number(interval["value"], metric, sign)
+    low, high = interval["low"], interval["high"]
+    if low is None or high is None:
+        return value
+    return f"{value} [{_number(low, metric, sign)}, {_number(high, metric, sign)}]"
 
 
 def _number(value: float, metric: str, sign: bool = False) -> str:
