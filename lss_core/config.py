@@ -5,6 +5,9 @@ from typing import Literal
 
 from lss_core.grid import BevGrid
 
+# Far beyond what is of use; without bounds a config from strangers could fill the memory.
+_MAX_DEPTHS, _MAX_SIDE_PX, _MAX_CHANNELS = 1_000, 8_192, 8_192
+
 CAMERAS = (
     "CAM_FRONT_LEFT",
     "CAM_FRONT",
@@ -34,6 +37,8 @@ class DepthBins:
     def __post_init__(self) -> None:
         if not (0.0 < self.min_m < self.max_m and self.step_m > 0.0):
             raise ValueError(f"Depth bins need 0 < min_m < max_m and step_m > 0, got {self}.")
+        if (self.max_m - self.min_m) / self.step_m > _MAX_DEPTHS:
+            raise ValueError(f"{self} are more than {_MAX_DEPTHS} depths.")
 
     @property
     def depths_m(self) -> tuple[float, ...]:
@@ -63,6 +68,13 @@ class ImageConfig:
     crop_bottom: tuple[float, float] = (0.0, 0.22)
     rotate_rad: float = 0.0942
     flip: bool = True
+
+    def __post_init__(self) -> None:
+        if not all(1 <= side <= _MAX_SIDE_PX for side in (self.height_px, self.width_px)):
+            raise ValueError(
+                f"Images of {self.height_px}x{self.width_px} px; both sides must lie in 1 to "
+                f"{_MAX_SIDE_PX}."
+            )
 
 
 @dataclass(frozen=True)
@@ -99,6 +111,13 @@ class ModelConfig:
     z_min_m: float = -10.0
     z_max_m: float = 10.0
     head_init_std: float = 1e-3
+
+    def __post_init__(self) -> None:
+        for name in ("context_channels", "neck_channels", "stem_channels", "decoder_channels"):
+            if not 1 <= getattr(self, name) <= _MAX_CHANNELS:
+                raise ValueError(
+                    f"{name} is {getattr(self, name)}, but must lie in 1 to {_MAX_CHANNELS}."
+                )
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,9 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+# Far beyond what is of use; without a bound a config from strangers could fill the memory.
+_MAX_CELLS = 1 << 24
+
 
 @dataclass(frozen=True)
 class CellWindow:
@@ -68,6 +71,10 @@ class BevGrid:
                     f"Grid side {axis} from {low_m} to {high_m} m must be a whole number of "
                     f"{self.cell_m} m cells, got {cells:g}."
                 )
+        if self.num_x * self.num_y > _MAX_CELLS:
+            raise ValueError(
+                f"A grid of {self.num_x} x {self.num_y} cells; at most {_MAX_CELLS:,} are possible."
+            )
 
     @property
     def num_x(self) -> int:

@@ -72,12 +72,12 @@ def open_run(
     model = replace(config.model, pretrained="none")
     config = replace(config, data=data, model=model)
     template_set = TemplateSet.load(templates) if templates else run.templates()
-    state = run.checkpoint(checkpoint)
+    state = run.weights(checkpoint)
     check_templates(state, template_set.sha256, f"'{run.folder}'")
-    module = PlanningModule(config, template_set)
     try:
+        module = PlanningModule(config, template_set)
         module.load_state_dict(state["state_dict"])
-    except (RuntimeError, KeyError) as error:
+    except (RuntimeError, ValueError, ArithmeticError, MemoryError) as error:
         raise DataError(
             f"The weights in '{run.folder}' do not fit its config.yaml: {str(error)[:200]}..."
         ) from error

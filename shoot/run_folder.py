@@ -8,11 +8,11 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import torch
 from pytorch_lightning.utilities import rank_zero_only
 
 from lss_core.errors import DataError
 from lss_core.files import write_atomically
+from shoot.checkpoint_file import read_checkpoint, read_weights
 from shoot.config import TrainConfig
 from shoot.templates import TemplateSet
 
@@ -46,6 +46,11 @@ class RunFolder:
         return self.folder / "checkpoints"
 
     @property
+    def weights_file(self) -> Path:
+        """The weights of the finished run, without what only training needs."""
+        return self.folder / "weights.safetensors"
+
+    @property
     def metrics_file(self) -> Path:
         """What was logged while training."""
         return self.folder / "metrics.csv"
@@ -68,6 +73,11 @@ class RunFolder:
                 raise DataError(
                     f"'{self.folder}' holds a run already; go on with --resume or choose another "
                     "--out."
+                )
+            if self.weights_file.exists() and not last.exists():
+                raise DataError(
+                    f"'{self.folder}' holds the weights of a finished run, but no checkpoint to go "
+                    "on from; choose another --out."
                 )
             if config.resume:
                 self._check_same(config)
@@ -110,29 +120,22 @@ class RunFolder:
         """
         return TemplateSet.load(self.templates_file)
 
-    def checkpoint(self, which: str) -> dict[str, Any]:
-        """A checkpoint, read without running code from it.
+    def weights(self, which: str) -> dict[str, Any]:
+        """Weights under `state_dict` and what they belong to, read without running code from them.
+
+        Where there are no checkpoints, the `last` ones are those of `weights.safetensors`: config,
+        templates and this file are all that a run needs to be given to others.
 
         Args:
             which: `last` or `best`.
 
         Raises:
-            DataError: If there is none, or it is damaged.
+            DataError: If there are none, or they are damaged.
         """
         path = self.checkpoints / f"{which}.ckpt"
-        if not path.is_file():
-            raise DataError(
-                f"There is no checkpoint '{path}'; has the run come to a validation yet?"
-            )
-        try:
-            loaded: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
-        except Exception as error:
-            # torch's own words tell how to trust the file all the same.
-            raise DataError(
-                f"'{path}' is damaged or holds other things than weights ({type(error).__name__}); "
-                "train again, or restore it."
-            ) from error
-        return loaded
+        if which == "last" and not path.exists() and self.weights_file.exists():
+            return read_weights(self.weights_file)
+        return read_checkpoint(path)
 
     def _check_same(self, config: TrainConfig) -> None:
         """What may differ on resuming: where things are and how they run, not what is computed."""

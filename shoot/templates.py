@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
+from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,10 +30,14 @@ _UNREADABLE = (
     LookupError,
     TypeError,
     AttributeError,
-    NotImplementedError,
+    RuntimeError,
+    ArithmeticError,
+    MemoryError,
     BadZipFile,
     zlib.error,
 )
+# A million templates of 20 points take 160 MB; what unpacks to more is not meant well.
+_MAX_BYTES = 1 << 28
 
 
 @dataclass(frozen=True)
@@ -149,8 +153,13 @@ class TemplateSet:
         if not path.is_file():
             raise DataError(f"There is no template file '{path}'; shoot-fit-templates makes one.")
         try:
+            with ZipFile(path) as archive:
+                unpacked = sum(entry.file_size for entry in archive.infolist())
+            if unpacked > _MAX_BYTES:
+                raise ValueError(f"it would unpack to {unpacked >> 20} MB")
             with np.load(path, allow_pickle=False) as stored:
-                points, counts = stored["templates"], stored["counts"]
+                # A member that is no array comes as bytes.
+                points, counts = np.asarray(stored["templates"]), np.asarray(stored["counts"])
                 dt_s, card = float(stored["dt_s"]), json.loads(str(stored["card"]))
         except _UNREADABLE as error:
             raise DataError(f"'{path}' is not a template file: {error}") from error
@@ -162,7 +171,9 @@ class TemplateSet:
             and points.shape[1] > 0
             and points.shape[2] == 2
             and points.dtype == np.float32
+            and counts.dtype == np.int64
             and counts.shape == points.shape[:1]
+            and bool((counts >= 0).all())
             and bool(np.isfinite(points).all())
             and math.isfinite(dt_s)
             and dt_s > 0.0

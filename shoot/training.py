@@ -24,7 +24,7 @@ from lss_core.files import sole_writer
 from lss_core.model import CameraModel, make_model
 from shoot.allocation import keep_freed_memory
 from shoot.bad_steps import SkipBadSteps
-from shoot.checkpoint_file import WholeCheckpoints
+from shoot.checkpoint_file import WholeCheckpoints, read_checkpoint, write_weights
 from shoot.config import OptimConfig, Precision, TrainConfig
 from shoot.datamodule import PlanBatch, PlanningData, check_shares
 from shoot.loop_callbacks import EndTogether, JointStatistics, RoundProgress, TrainingTime, TrueStep
@@ -38,15 +38,21 @@ from shoot.templates import TemplateSet
 
 logger = logging.getLogger(__name__)
 
+_TO_GO_ON = ("optimizer_states", "lr_schedulers", "loops", "callbacks", "global_step")
+
 
 class PlanningModule(pl.LightningModule):
     """Sensors to scores of all templates, and the loss that trains it.
+
+    Attributes:
+        is_restored: Whether training has begun: what a checkpoint holds is in place.
 
     Paper: sections 3.3 and 5.6.
     """
 
     def __init__(self, config: TrainConfig, templates: TemplateSet) -> None:
         super().__init__()
+        self.is_restored = False
         self.config = config
         self.templates_sha256 = templates.sha256
         self.model = make_model(config.model, config.data)
@@ -61,6 +67,19 @@ class PlanningModule(pl.LightningModule):
     def cost_map(self, sensors: Batch) -> Tensor:
         """[B, X, Y] cost per cell."""
         return self.model.forward_batch(sensors)[:, 0]
+
+    def on_train_start(self) -> None:
+        """Look at what Lightning does not: a checkpoint's moments must be those of the weights.
+
+        Raises:
+            ValueError: If they are not.
+        """
+        for optimizer in self.trainer.optimizers:
+            for parameter, state in optimizer.state.items():
+                moments = [value for value in state.values() if torch.is_tensor(value)]
+                if any(value.ndim and value.shape != parameter.shape for value in moments):
+                    raise ValueError("the optimiser's moments have other shapes than the weights")
+        self.is_restored = True
 
     def training_step(self, batch: PlanBatch, batch_idx: int) -> Tensor:
         """Cross-entropy of the template nearest to what was driven, and of depths if asked for."""
@@ -192,7 +211,15 @@ def _train(config: TrainConfig, run: RunFolder, templates: TemplateSet) -> Path:
         config = replace(config, precision=_settle_precision(config, run))
     resume_from = run.begin(config, templates)
     if resume_from is not None:
-        check_templates(run.checkpoint("last"), templates.sha256, f"'{resume_from}'")
+        checkpoint = read_checkpoint(resume_from)
+        check_templates(checkpoint, templates.sha256, f"'{resume_from}'")
+        # What is not there Lightning passes over in silence.
+        lacks = [name for name in _TO_GO_ON if not checkpoint.get(name)]
+        if lacks:
+            raise DataError(
+                f"'{resume_from}' cannot be gone on from, it lacks {', '.join(lacks)}; restore it, "
+                "or begin a new run."
+            )
     pl.seed_everything(config.seed, workers=True, verbose=False)
     data = PlanningData(config, templates)
     module = PlanningModule(config, templates)
@@ -205,7 +232,17 @@ def _train(config: TrainConfig, run: RunFolder, templates: TemplateSet) -> Path:
         config.precision,
     )
     trainer = make_trainer(config, run, resume_from is not None)
-    trainer.fit(module, datamodule=data, ckpt_path=resume_from, weights_only=True)
+    try:
+        trainer.fit(module, datamodule=data, ckpt_path=resume_from, weights_only=True)
+    except (LookupError, TypeError, ValueError, AttributeError, RuntimeError) as error:
+        if resume_from is None or module.is_restored:
+            raise
+        raise DataError(
+            f"'{resume_from}' is no checkpoint of this run ({type(error).__name__}: "
+            f"{str(error)[:200]}); restore it, or begin a new run."
+        ) from error
+    if trainer.is_global_zero:
+        write_weights(run.weights_file, module.state_dict(), templates.sha256)
     return run.folder
 
 

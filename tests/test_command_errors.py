@@ -228,40 +228,6 @@ def test_checkpoint_missing(spoilt: TinyRun) -> None:
     assert "best.ckpt" in complaint(evaluate(spoilt, "--checkpoint", "best"))
 
 
-@pytest.mark.parametrize("content", ["", "no checkpoint", "half"])
-def test_damaged_checkpoint(content: str, spoilt: TinyRun) -> None:
-    last = spoilt.folder / "checkpoints" / "last.ckpt"
-    whole = last.read_bytes()
-    last.write_bytes(whole[: len(whole) // 2] if content == "half" else content.encode())
-    assert str(last) in complaint(evaluate(spoilt))
-    flags = train_flags(spoilt.root, spoilt.templates, spoilt.folder, 4, 2)
-    assert str(last) in complaint(command("shoot-train", *flags, "--resume"))
-
-
-class _Malice:
-    """Unpickled, it makes a file."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-
-    def __reduce__(self) -> Any:
-        return (Path.touch, (self.path,))
-
-
-def test_checkpoint_cannot_run_code(spoilt: TinyRun, tmp_path: Path) -> None:
-    last = spoilt.folder / "checkpoints" / "last.ckpt"
-    trace = tmp_path / "it-ran"
-    state = torch.load(last, weights_only=True)
-    torch.save({**state, "more": _Malice(trace)}, last)
-    flags = train_flags(spoilt.root, spoilt.templates, spoilt.folder, 4, 2)
-    assert str(last) in complaint(evaluate(spoilt))
-    assert str(last) in complaint(command("shoot-train", *flags, "--resume"))
-    assert not trace.exists()
-    # It is malicious indeed.
-    torch.load(last, weights_only=False)
-    assert trace.exists()
-
-
 def test_weights_of_another_network(spoilt: TinyRun) -> None:
     config = spoilt.folder / "config.yaml"
     config.write_text(config.read_text().replace("plain-4-6-8", "plain-4-6-10"))

@@ -31,7 +31,7 @@ def validate(run_folder: Path, out: Path) -> None:
     run = RunFolder(run_folder)
     config, templates = run.config(), run.templates()
     module = PlanningModule(config, templates)
-    module.load_state_dict(run.checkpoint("last")["state_dict"])
+    module.load_state_dict(run.weights("last")["state_dict"])
     trainer = make_trainer(config, RunFolder(out))
     (result,) = trainer.validate(module, datamodule=PlanningData(config, templates), verbose=False)
     if trainer.is_global_zero:

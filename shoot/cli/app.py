@@ -13,6 +13,7 @@ import tyro
 from rich.logging import RichHandler
 
 from lss_core.errors import DataError
+from shoot.lost_processes import lost_process
 
 Config = TypeVar("Config")
 
@@ -25,7 +26,8 @@ def run(
     """Parse the command line into `config_type` and call `function` with it.
 
     A `DataError` becomes one sentence on standard error and exit status 2; so does a file that
-    cannot be written, and a wrong flag. Ctrl-C ends with status 130, SIGTERM with 143.
+    cannot be written, a helper process that was killed, and a wrong flag. Ctrl-C ends with status
+    130, SIGTERM with 143.
     """
     logging.basicConfig(
         level=logging.INFO, format="%(message)s", handlers=[RichHandler(show_path=False)]
@@ -46,6 +48,11 @@ def run(
         if error.filename is None:
             raise
         _end(f"'{error.filename}': {error.strerror}.")
+    except RuntimeError as error:
+        sentence = lost_process(error)
+        if sentence is None:
+            raise
+        _end(sentence)
     except KeyboardInterrupt:
         print("Interrupted.", file=sys.stderr)
         sys.exit(130)

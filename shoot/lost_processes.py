@@ -1,0 +1,39 @@
+"""Helpers that were ended from outside: what torch and Python say of it, in one sentence."""
+
+from concurrent.futures import BrokenExecutor
+
+import torch.distributed as dist
+
+# How gloo and NCCL begin what they say when the other side is gone.
+_OF_CONNECTIONS = (
+    "gloo/transport",
+    "NCCL",
+    "Connection closed by peer",
+    "Connection reset by peer",
+)
+
+
+def lost_process(error: RuntimeError) -> str | None:
+    """What has been lost, and what to do; None for other errors.
+
+    Such errors may come out of any line: torch raises them where its main process happens to be.
+    """
+    text = str(error)
+    if "DataLoader worker" in text:
+        return (
+            "A process that loads images or sweeps was ended from outside, as happens when memory "
+            "runs out; use fewer (--num-workers). A training goes on from its last checkpoint "
+            "with --resume."
+        )
+    if isinstance(error, BrokenExecutor):
+        return (
+            "A process that did part of the work was ended from outside, as happens when memory "
+            "runs out; call the command again, perhaps with fewer --workers: it goes on where it "
+            "was."
+        )
+    if isinstance(error, dist.DistError) or any(words in text for words in _OF_CONNECTIONS):
+        return (
+            "Another process of this run has ended or cannot be reached any more; its own output "
+            "says why, unless it was killed. --resume goes on from the last checkpoint."
+        )
+    return None
