@@ -24,6 +24,7 @@ from shoot.datamodule import LabelledSplit, load_split
 from shoot.driving_checks import DrivingChecks
 from shoot.evaluation import MODEL, Report, condition_of, evaluate
 from shoot.known_speed import tell_speed
+from shoot.metrics import negative_log_likelihood, ranks
 from shoot.planner import Planner
 from shoot.prediction import TrainedRun, predict
 from shoot.templates import TemplateSet
@@ -92,7 +93,22 @@ def sum_up(run: TrainedRun, scored: Scored, split: str) -> Report:
         report,
         num_boxes_left_out=checks.num_boxes_left_out,
         num_samples_with_boxes_left_out=checks.num_samples_affected,
+        by_scene=_by_scene(samples, scored.log_probs[MODEL]),
     )
+
+
+def _by_scene(samples: LabelledSplit, log_prob: Array) -> dict[str, dict[str, float | int]]:
+    hit = 100.0 * (ranks(log_prob, samples.labels) < 10)
+    nll = negative_log_likelihood(log_prob, samples.labels)
+    found: dict[str, dict[str, float | int]] = {}
+    for name in np.unique(samples.scene_names):
+        own = samples.scene_names == name
+        found[str(name)] = {
+            "num_samples": int(own.sum()),
+            "top10": float(hit[own].mean()),
+            "nll": float(nll[own].mean()),
+        }
+    return found
 
 
 def score(run: TrainedRun, split: str, show_progress: bool = True, fast: bool = False) -> Scored:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from world_fixture import NUM_TEMPLATES, TinyRun
 
-from shoot.comparison import Scored, baseline_log_probs, score
+from shoot.comparison import Scored, baseline_log_probs, score, sum_up
 from shoot.datamodule import LabelledSplit, load_split
 from shoot.known_speed import tell_speed
 from shoot.prediction import TrainedRun, open_run, predict
@@ -78,3 +78,15 @@ def test_baselines_see_nothing_of_the_split_but_each_samples_own_past(
         expected = scored.log_probs[name]
         expected = expected if name in SAME_FOR_ALL else expected[half]
         np.testing.assert_allclose(log_prob, expected, rtol=1e-5, err_msg=name)
+
+
+def test_scenes_add_up_to_all_samples(trained: TrainedRun, scored: Scored) -> None:
+    report = sum_up(trained, scored, "val")
+    assert report.by_scene.keys() == set(scored.samples.scene_names)
+    counts = [scene["num_samples"] for scene in report.by_scene.values()]
+    assert sum(counts) == report.overall.num_samples
+    for metric in ("top10", "nll"):
+        means = [scene[metric] for scene in report.by_scene.values()]
+        whole = report.overall.methods["model"][metric].value
+        assert np.average(means, weights=counts) == pytest.approx(whole)
+    assert report.to_json()["by_scene"] == report.by_scene

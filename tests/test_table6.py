@@ -87,6 +87,26 @@ def test_a_page_without_markers_is_left_alone(table: Any, tmp_path: Path) -> Non
     assert page.read_text() == "nothing here"
 
 
+def test_planners_are_compared_scene_by_scene(table: Any) -> None:
+    """Worked out by hand: the first scene weighs three times the second."""
+
+    def run(top10: tuple[float, float]) -> dict[str, Any]:
+        return {
+            "by_scene": {
+                "scene-0003": {"num_samples": 30, "top10": top10[0], "nll": 1.0},
+                "scene-0012": {"num_samples": 10, "top10": top10[1], "nll": 1.0},
+            }
+        }
+
+    ours, theirs = [run((50.0, 90.0)), run((60.0, 70.0))], [run((40.0, 70.0))]
+    # Means over seeds 55 and 80, so 15 and 10 points more: (3 x 15 + 10) / 4.
+    assert table.page._paired(ours, theirs, "top10") == "+13.8 [+10.0, +15.0]"
+    assert table.page._paired(ours, theirs, "nll") == "+0.00 [+0.00, +0.00]"
+    other = run((40.0, 70.0))
+    other["by_scene"]["scene-0012"]["num_samples"] = 9
+    assert table.page._paired(ours, [other], "top10") == "-"
+
+
 def test_the_page_holds_what_the_records_say(table: Any, tmp_path: Path) -> None:
     """docs/results.md is made of docs/results/ and of nothing else."""
     page = ROOT / "docs" / "results.md"

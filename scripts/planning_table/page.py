@@ -1,14 +1,15 @@
 """The tables of docs/results.md, from the records of finished runs and nothing else."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from lss_core.errors import DataError
-from lss_core.files import write_atomically
-from planning_table.records import Record
+import numpy as np
+from marked_page import fill_page
 
-BEGIN, END = "<!-- table6 -->", "<!-- /table6 -->"
+from planning_table.records import Record
+from shoot.bootstrap import interval
 
 # Lang et al.'s PointPillars and the camera planner, on nuScenes (the paper's Table 6).
 _PAPER = {
@@ -47,14 +48,8 @@ def write_tables(records: Sequence[Record], page: Path) -> None:
     Raises:
         DataError: If the page has no markers.
     """
-    text = page.read_text(encoding="utf-8")
-    if not text.count(BEGIN) == text.count(END) == 1:
-        raise DataError(f"'{page}' must hold {BEGIN} and {END} once each; tables go between them.")
-    head, rest = text.split(BEGIN)
-    tail = rest.split(END)[1]
     made = "\n\n".join(part for part in _tables(records) if part)
-    with write_atomically(page) as stream:
-        stream.write(f"{head}{BEGIN}\n\n{made}\n\n{END}{tail}".encode())
+    fill_page(page, "table6", made)
 
 
 def _tables(records: Sequence[Record]) -> list[str]:
@@ -66,6 +61,7 @@ def _tables(records: Sequence[Record]) -> list[str]:
         _setting(runs),
         _planning_table(runs),
         _difference_table(runs),
+        _planner_table(runs),
         _further_table(runs),
         _part_table(runs),
         _speed_table(runs),
@@ -127,6 +123,20 @@ def _difference_table(runs: dict[str, list[Record]]) -> str:
         "Planner minus baseline on the same samples, for the seed in which the planner does worst "
         "(paired 95 % intervals over scenes):\n\n"
         + _markdown(["planner", "minus", "top-10, points", "NLL, nats"], rows)
+    )
+
+
+def _planner_table(runs: dict[str, list[Record]]) -> str:
+    rows = []
+    for less, more in (("camera", "lidar1"), ("camera", "lidar10"), ("lidar1", "lidar10")):
+        if less in runs and more in runs:
+            cells = [_paired(runs[more], runs[less], metric) for metric in ("top10", "nll")]
+            rows.append([_PLANNERS[more], _PLANNERS[less], *cells])
+    if not rows:
+        return ""
+    return (
+        "Planner minus planner on the same samples, means over seeds (paired 95 % intervals over "
+        "scenes):\n\n" + _markdown(["planner", "minus", "top-10, points", "NLL, nats"], rows)
     )
 
 
@@ -199,19 +209,46 @@ def _speed_table(runs: dict[str, list[Record]]) -> str:
 
 
 def _limit_table(records: Sequence[Record]) -> str:
+    changed = {record["preset"] for record in records if record["flags"]}
+    first = {r["preset"]: r for r in records if not r["flags"] and r["seed"] == 0}
     rows = []
-    for record in records:
-        if record["flags"] or record["seed"] == 0:
-            model = record["methods"]["model"]
-            label = f"`{record['name']}`" + (
-                f" ({' '.join(record['flags'])})" if record["flags"] else ""
-            )
-            rows.append([label, *(_interval(model[m], m) for m in ("top10", "nll", "min_ade_10"))])
-    if not any(record["flags"] for record in records):
+    for record in (r for r in records if r["preset"] in changed):
+        model = record["methods"]["model"]
+        cells = [_interval(model[m], m) for m in ("top10", "nll", "min_ade_10")]
+        if record["flags"] and record["preset"] in first:
+            base = [first[record["preset"]]]
+            less = [_paired([record], base, metric) for metric in ("top10", "nll")]
+            rows.append([f"`{record['name']}` ({' '.join(record['flags'])})", *cells, *less])
+        elif not record["flags"] and record["seed"] == 0:
+            rows.append([f"`{record['name']}`", *cells, "", ""])
+    if not changed:
         return ""
-    return "One thing changed at a time (seed 0):\n\n" + _markdown(
-        ["run", "top-10, %", "NLL, nats", "minADE_10, m"], rows
+    header = ["run", "top-10, %", "NLL, nats", "minADE_10, m", "top-10, change", "NLL, change"]
+    return (
+        "One thing changed at a time, seed 0; changes are paired with the same planner's run above "
+        "it. Three seeds of one planner differ by as much as the first table says:\n\n"
+        + _markdown(header, rows)
     )
+
+
+def _paired(ours: Sequence[Record], theirs: Sequence[Record], metric: str) -> str:
+    """Mean over runs of ours minus that of theirs, with its interval over scenes."""
+    scenes = theirs[0]["by_scene"]
+    counts = [scene["num_samples"] for scene in scenes.values()]
+    if any(
+        [run["by_scene"][name]["num_samples"] for name in scenes] != counts
+        for run in (*ours, *theirs)
+    ):
+        return "-"
+    means = [
+        np.mean([[run["by_scene"][name][metric] for name in scenes] for run in runs], axis=0)
+        for runs in (ours, theirs)
+    ]
+    # Every sample stands for its scene's mean: the sums over scenes are the same.
+    difference = interval(
+        np.repeat(means[0] - means[1], counts), np.repeat(np.arange(len(counts)), counts)
+    )
+    return _interval(asdict(difference), metric, sign=True)
 
 
 def _first(runs: dict[str, list[Record]]) -> Record:

@@ -47,6 +47,7 @@ def record_of(experiment: Experiment, folder: Path, jobs: int) -> Record:
             for key in (
                 "split", "num_samples", "num_scenes", "num_boxes_left_out",
                 "num_samples_with_boxes_left_out", "methods", "differences", "oracle", "driver",
+                "by_scene",
             )
         },
         **{kind: {name: _part(part) for name, part in report[kind].items()} for kind in _PARTS},

@@ -1,0 +1,121 @@
+"""Long work takes no more memory, open files or processes at its end than at its beginning."""
+
+import contextlib
+import csv
+import io
+import os
+import time
+from dataclasses import dataclass
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from statistics import median
+
+import pytest
+from tally import throw
+from world_fixture import TinyRun, start_beside, start_command, train_flags
+
+from shoot.cli.evaluate import EvaluateConfig, evaluate
+
+FLAT = "no growth in memory, open files or processes"
+# What an allocator keeps back differs from time to time; a tenth of a kB a step would be 10 MB.
+NOISE_MB = 12.0
+
+
+@dataclass(frozen=True)
+class Load:
+    """What a process and its helpers hold at one time; memory that is shared counts once."""
+
+    memory_mb: float
+    files: int
+    processes: int
+
+
+def load_of(pid: int) -> Load:
+    tree = [pid]
+    for parent in tree:
+        with contextlib.suppress(FileNotFoundError):
+            listed = Path(f"/proc/{parent}/task/{parent}/children").read_text()
+            tree += [int(child) for child in listed.split()]
+    memory_kb, files = 0, 0
+    for process in tree:
+        # One may have ended meanwhile.
+        with contextlib.suppress(OSError):
+            rollup = Path(f"/proc/{process}/smaps_rollup").read_text()
+            memory_kb += int(rollup.partition("\nPss:")[2].split()[0])
+            files += len(os.listdir(f"/proc/{process}/fd"))  # noqa: PTH208
+    return Load(memory_kb / 1024.0, files, len(tree))
+
+
+def watch(process: BaseProcess, begun: Path, every_s: float) -> list[Load]:
+    """What it holds, time and again until it ends; from the time on when a file is there."""
+    assert process.pid is not None
+    loads = []
+    while process.is_alive():
+        if begun.exists():
+            with contextlib.suppress(FileNotFoundError, ProcessLookupError):
+                loads.append(load_of(process.pid))
+        time.sleep(every_s)
+    assert process.exitcode == 0
+    return loads
+
+
+def check_flat(loads: list[Load], figures: dict[str, str]) -> None:
+    """Compare the last quarter with the second: the first is still filling caches."""
+    quarter = len(loads) // 4
+    assert quarter >= 3
+    early, late = loads[quarter : 2 * quarter], loads[-quarter:]
+    memory_mb = [median(load.memory_mb for load in part) for part in (early, late)]
+    files = [median(load.files for load in part) for part in (early, late)]
+    processes = [median(load.processes for load in part) for part in (early, late)]
+    for name, (before, after), unit in (
+        ("memory", memory_mb, " MB"),
+        ("open files", files, ""),
+        ("processes", processes, ""),
+    ):
+        figures[name] = f"{before:.0f} to {after:.0f}{unit}"
+    assert memory_mb[1] - memory_mb[0] < NOISE_MB
+    assert files[1] <= files[0]
+    assert processes[1] <= processes[0]
+
+
+@pytest.mark.parametrize(
+    ("steps", "every"), [(300, 50), pytest.param(10_000, 500, marks=pytest.mark.full)]
+)
+def test_training(steps: int, every: int, tiny_run: TinyRun, tmp_path: Path) -> None:
+    flags = train_flags(tiny_run.root, tiny_run.templates, tmp_path / "run", steps, every)
+    flags += ["--num-workers", "1"]
+    with throw("training steps, one run", FLAT, times=steps) as figures:
+        process = start_command("shoot-train", *flags, log=tmp_path / "log")
+        # After the first round all helpers are there; at the very end they leave.
+        loads = watch(process, tmp_path / "run" / "checkpoints" / "last.ckpt", every_s=0.1)
+        check_flat([load for load in loads if load.processes == loads[0].processes], figures)
+
+
+def evaluate_often(run: str, times: int, out: str) -> None:
+    """Evaluate a run time and again in this process, and write down what it holds."""
+    config = EvaluateConfig(run, out=f"{out}.json", html=None)
+    with Path(out).open("w") as stream:
+        rows = csv.writer(stream)
+        for _ in range(times):
+            with contextlib.redirect_stdout(io.StringIO()):
+                evaluate(config)
+            load = load_of(os.getpid())
+            rows.writerow([load.memory_mb, load.files, load.processes])
+
+
+@pytest.mark.parametrize("times", [24, pytest.param(2_000, marks=pytest.mark.full)])
+def test_evaluations(times: int, tiny_run: TinyRun, tmp_path: Path) -> None:
+    with throw("evaluations, in one process", FLAT, times=times) as figures:
+        process = start_beside(
+            evaluate_often,
+            str(tiny_run.folder),
+            times,
+            str(tmp_path / "loads"),
+            log=tmp_path / "log",
+        )
+        process.join()
+        assert process.exitcode == 0, (tmp_path / "log").read_text()
+        with (tmp_path / "loads").open() as stream:
+            loads = [Load(float(m), int(f), int(p)) for m, f, p in csv.reader(stream)]
+        assert len(loads) == times
+        check_flat(loads, figures)
