@@ -206,7 +206,7 @@ def finish(job: Job, undisturbed: Undisturbed) -> None:
 
 
 def kill_again_and_again(
-    job: Job, undisturbed: Undisturbed, moments: Iterator[Moment], kills: int, row: str
+    job: Job, undisturbed: Undisturbed, moments: Iterator[Moment], kills: int
 ) -> int:
     """Kill it, call it again, kill it, ...; then let it finish, and compare.
 
@@ -215,7 +215,6 @@ def kill_again_and_again(
         undisturbed: What must come of it.
         moments: When.
         kills: How often; it may come to its end before.
-        row: What the tally calls a kill.
 
     Returns:
         How often it was killed.
@@ -235,7 +234,9 @@ def kill_again_and_again(
                 break
             assert process.pid is not None
             sessions.append(process.pid)
-            figures = thrown.enter_context(tally.throw(row, OUTCOME))
+            when = "while it puts a file into place" if moment.point else "at a random moment"
+            row = tally.throw(f"SIGKILL of {job.name} {when}", OUTCOME)
+            figures = thrown.enter_context(row)
             figures["undisturbed, it lasts"] = f"{undisturbed.lasts_s:.1f} s"
             assert_whole(job, undisturbed)
             if len(sessions) == kills:
