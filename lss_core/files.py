@@ -10,40 +10,114 @@ from typing import IO
 
 from lss_core.errors import DataError
 
+_ENDING = ".part"
+
 
 @contextmanager
-def write_atomically(path: str | Path) -> Iterator[IO[bytes]]:
+def write_atomically(path: str | Path, one_of_many: bool = False) -> Iterator[IO[bytes]]:
     """Open a file for writing that takes its name only when everything is written and on disk.
 
     The folder is made if needed. An error or a kill leaves an older file of that name as it was;
     what a killed process has left beside it is cleared away by the next that writes the file.
+
+    Args:
+        path: Its name.
+        one_of_many: Neither wait for the disk nor look for what killed processes have left, which
+            takes too long for files by the thousand; who writes them calls `clear_leftovers` first.
+
+    Raises:
+        OSError: If it cannot be written; `filename` is `path`.
     """
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    _clear_leftovers(path)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
-    aside = Path(name)
+    with name_errors(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if not one_of_many:
+            for leftover in path.parent.glob(f".{path.name}.*{_ENDING}"):
+                _clear(leftover)
+        aside, handle = _open_aside(path)
+        try:
+            with os.fdopen(handle, "wb") as stream:
+                yield stream
+                stream.flush()
+                if not one_of_many:
+                    os.fsync(stream.fileno())
+                umask = os.umask(0)
+                os.umask(umask)
+                aside.chmod(0o666 & ~umask)
+                aside.replace(path)
+        except BaseException:
+            aside.unlink(missing_ok=True)
+            raise
+
+
+def write_from(path: Path, start: int, content: bytes) -> None:
+    """Put bytes in place of all that a file holds from a position on.
+
+    Raises:
+        OSError: If they cannot be written; the file then ends at `start`.
+    """
+    with name_errors(path), path.open("r+b", buffering=0) as stream:
+        stream.truncate(start)
+        stream.seek(start)
+        rest = memoryview(content)
+        try:
+            while rest:
+                rest = rest[stream.write(rest) :]
+        except OSError:
+            stream.truncate(start)
+            raise
+
+
+@contextmanager
+def name_errors(path: Path) -> Iterator[None]:
+    """Let the system's errors name a file: those of writing name none, or a scrap beside it."""
     try:
-        with os.fdopen(handle, "wb") as stream:
-            _lock(stream.fileno())  # while it is held, nobody takes the file for a leftover
-            yield stream
-            stream.flush()
-            os.fsync(stream.fileno())
-            umask = os.umask(0)
-            os.umask(umask)
-            aside.chmod(0o666 & ~umask)
-            aside.replace(path)
-    except BaseException:
-        aside.unlink(missing_ok=True)
+        yield
+    except OSError as error:
+        of_scrap = str(error.filename).endswith(_ENDING)
+        if error.errno is not None and (error.filename is None or of_scrap):
+            error.filename, error.filename2 = str(path), None
         raise
 
 
-def _clear_leftovers(path: Path) -> None:
-    """Remove what processes that were killed had begun to write."""
-    for leftover in path.parent.glob(f".{path.name}.*.part"):
-        with suppress(OSError), leftover.open("rb") as stream:
-            if _lock(stream.fileno()):
-                leftover.unlink()
+def clear_leftovers(folder: Path) -> None:
+    """Remove what killed processes had begun to write in a folder and in all below it."""
+    for leftover in folder.rglob(f".*{_ENDING}"):
+        _clear(leftover)
+
+
+def _open_aside(path: Path) -> tuple[Path, int]:
+    """A new file beside `path`, open and locked."""
+    while True:
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=_ENDING)
+        try:
+            # While it is held, nobody takes the file for a leftover; before, somebody might have.
+            is_ours = _lock(handle) and os.fstat(handle).st_nlink > 0
+        except OSError:  # no locks here, so nobody can take it
+            is_ours = True
+        if is_ours:
+            return Path(name), handle
+        os.close(handle)
+
+
+def _clear(leftover: Path) -> None:
+    """Remove a file unless a living process writes it."""
+    with suppress(OSError), leftover.open("rb") as stream:
+        if _lock(stream.fileno()):
+            leftover.unlink()
+
+
+_held: set[int] = set()
+
+
+def _let_go() -> None:
+    """A forked process may outlive the one that has the lock, and does not write."""
+    for handle in _held:
+        os.close(handle)
+    _held.clear()
+
+
+os.register_at_fork(after_in_child=_let_go)
 
 
 @contextmanager
@@ -58,23 +132,29 @@ def sole_writer(folder: Path) -> Iterator[None]:
     """
     folder.mkdir(parents=True, exist_ok=True)
     handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    _held.add(handle)
     try:
-        if not _lock(handle):
-            raise DataError(
-                f"Another process is writing into '{folder}' now; wait until it has ended, or "
-                "choose another folder."
-            )
+        with suppress(OSError):
+            if not _lock(handle):
+                raise DataError(
+                    f"Another process is writing into '{folder}' now; wait until it has ended, or "
+                    "choose another folder."
+                )
         yield
     finally:
-        os.close(handle)
+        if handle in _held:  # else this is a forked process
+            _held.remove(handle)
+            os.close(handle)
 
 
 def _lock(handle: int) -> bool:
-    """Whether the lock could be had; True where there are none."""
+    """Whether the lock could be had.
+
+    Raises:
+        OSError: If there are no locks here.
+    """
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
-    except OSError:
-        return True
     return True

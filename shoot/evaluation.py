@@ -126,7 +126,11 @@ class Report:
         }
 
     def save(self, path: str | Path) -> None:
-        """Write report.json; it appears whole or not at all."""
+        """Write report.json; it appears whole or not at all.
+
+        Raises:
+            OSError: If it cannot be written.
+        """
         text = json.dumps(self.to_json(), indent=2, allow_nan=False) + "\n"
         with write_atomically(path) as stream:
             stream.write(text.encode())

@@ -67,7 +67,7 @@ class TrainingTime(Callback):
     def __init__(self, file: Path) -> None:
         self._file = file
         self._before_s = 0.0
-        self._started_s = time.monotonic()
+        self._started_s: float | None = None
 
     def on_train_start(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
         """Start the clock."""
@@ -75,15 +75,18 @@ class TrainingTime(Callback):
 
     def state_dict(self) -> dict[str, float]:
         """What a checkpoint keeps: lost work is not counted."""
-        return {"train_s": self._before_s + time.monotonic() - self._started_s}
+        since_s = 0.0 if self._started_s is None else time.monotonic() - self._started_s
+        return {"train_s": self._before_s + since_s}
 
     def load_state_dict(self, state_dict: dict[str, float]) -> None:
         """Go on from a checkpoint's time."""
         self._before_s = state_dict["train_s"]
 
     @rank_zero_only
-    def on_train_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
-        """Write it down."""
+    def on_fit_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
+        """Write it down; if a kill came between the last checkpoint and this, on resuming."""
+        if self._started_s is None and self._file.exists():
+            return
         with write_atomically(self._file) as stream:
             stream.write((json.dumps(self.state_dict()) + "\n").encode())
 
@@ -115,7 +118,7 @@ class EndTogether(Callback):
             logger.warning("Interrupted; --resume goes on after the last validation.")
         launcher = trainer.strategy.launcher
         started = launcher.procs if isinstance(launcher, _SubprocessScriptLauncher) else []
-        if isinstance(exception, DataError):
+        if isinstance(exception, (DataError, OSError)):
             for process in started:
                 process.kill()
         elif any(_ended_with(process) == _SAID for process in started):

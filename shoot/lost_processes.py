@@ -1,6 +1,4 @@
-"""Helpers that were ended from outside: what torch and Python say of it, in one sentence."""
-
-from concurrent.futures import BrokenExecutor
+"""Helpers that were ended from outside: what torch says of it, in one sentence."""
 
 import torch.distributed as dist
 
@@ -24,12 +22,6 @@ def lost_process(error: RuntimeError) -> str | None:
             "A process that loads images or sweeps was ended from outside, as happens when memory "
             "runs out; use fewer (--num-workers). A training goes on from its last checkpoint "
             "with --resume."
-        )
-    if isinstance(error, BrokenExecutor):
-        return (
-            "A process that did part of the work was ended from outside, as happens when memory "
-            "runs out; call the command again, perhaps with fewer --workers: it goes on where it "
-            "was."
         )
     if isinstance(error, dist.DistError) or any(words in text for words in _OF_CONNECTIONS):
         return (

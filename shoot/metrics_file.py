@@ -9,7 +9,7 @@ from typing import Any
 from pytorch_lightning.loggers.logger import Logger
 from pytorch_lightning.utilities import rank_zero_only
 
-from lss_core.files import write_atomically
+from lss_core.files import write_atomically, write_from
 
 _STEP = "step"
 _EPOCH = "epoch"  # Lightning's count of rounds is one too many after a resumption
@@ -51,11 +51,14 @@ class MetricsFile(Logger):
 
     @rank_zero_only
     def log_metrics(self, metrics: dict[str, float], step: int | None = None) -> None:
-        """Add to a step's row; it is on disk when this returns.
+        """Add to a step's row; a kill after this returns does not lose it.
 
         Args:
             metrics: Names and values.
             step: Index of the optimiser step, counted from 0; never less than before.
+
+        Raises:
+            OSError: If it cannot be written; the rows of the steps before are as they were.
         """
         step = int(step or 0)
         new = {name: f"{float(value):.9g}" for name, value in metrics.items() if name != _EPOCH}
@@ -69,10 +72,7 @@ class MetricsFile(Logger):
             self._row_at = self.path.stat().st_size
         self._row = self._row | new if step == self._step else new
         self._step = step
-        with self.path.open("r+b") as stream:
-            stream.seek(self._row_at)
-            stream.truncate()
-            stream.write(self._line(step, self._row))
+        write_from(self.path, self._row_at, self._line(step, self._row))
 
     def _rewrite(self, rows: dict[int, dict[str, str]], new: dict[str, str]) -> None:
         """Write all rows but the one at hand, with room for new columns."""

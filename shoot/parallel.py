@@ -7,6 +7,7 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import wait
 from pathlib import Path
@@ -38,7 +39,8 @@ def run_jobs(
         shared: Folder that the jobs read or write; all workers of a cluster must see it.
 
     Raises:
-        DataError: If the cluster cannot be used. What a job raises is raised here.
+        DataError: If the cluster cannot be used, or a process here was ended from outside. What a
+            job raises is raised here.
     """
     if dask is not None:
         yield from _run_on_cluster(function, jobs, dask, shared)
@@ -58,6 +60,11 @@ def _run_here(
         try:
             for done in as_completed(submitted):
                 yield done.result()
+        except BrokenProcessPool as error:
+            raise DataError(
+                "A worker process was ended from outside, as Linux does where memory runs out; "
+                "call the command again, with fewer workers."
+            ) from error
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
 

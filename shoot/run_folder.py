@@ -11,7 +11,7 @@ from typing import Any
 from pytorch_lightning.utilities import rank_zero_only
 
 from lss_core.errors import DataError
-from lss_core.files import write_atomically
+from lss_core.files import clear_leftovers, write_atomically
 from shoot.checkpoint_file import read_checkpoint, read_weights
 from shoot.config import TrainConfig
 from shoot.templates import TemplateSet
@@ -56,6 +56,11 @@ class RunFolder:
         return self.folder / "metrics.csv"
 
     @property
+    def events(self) -> Path:
+        """Folder of the same for TensorBoard."""
+        return self.folder / "tensorboard"
+
+    @property
     def time_file(self) -> Path:
         """How long the finished run has trained."""
         return self.folder / "training_time.json"
@@ -66,6 +71,7 @@ class RunFolder:
         Raises:
             DataError: If the folder holds a run already and `resume` is off, or on and the run was
                 told something else.
+            OSError: If it cannot be written.
         """
         last = self.checkpoints / LAST
         if self.config_file.exists():
@@ -88,17 +94,14 @@ class RunFolder:
                             f"'{self.folder}' was trained with other templates than "
                             f"'{config.templates}'; give it its own ones."
                         )
-        try:
-            self._write(config, templates)
-        except OSError as error:
-            raise DataError(
-                f"The run folder '{self.folder}' cannot be written: {error}."
-            ) from error
+        self._write(config, templates)
         return last if config.resume and last.exists() else None
 
     @rank_zero_only
     def _write(self, config: TrainConfig, templates: TemplateSet) -> None:
         self.checkpoints.mkdir(parents=True, exist_ok=True)
+        # Also those of files that may not be written again, as best.ckpt.
+        clear_leftovers(self.folder)
         templates.save(self.templates_file)
         config.save(self.config_file)
         with write_atomically(self.folder / "environment.json") as stream:

@@ -127,10 +127,17 @@ class TemplateSet:
         )
 
     def save(self, path: str | Path) -> None:
-        """Write `path` (.npz, no pickle), its card as JSON beside it; each whole or not at all."""
+        """Write `path` (.npz, no pickle), its card as JSON beside it; each whole or not at all.
+
+        Raises:
+            OSError: If one cannot be written.
+        """
         path = Path(path)
         card = self.card | {"sha256": self.sha256, "format_version": FORMAT_VERSION}
         text = json.dumps(card, indent=2, sort_keys=True)
+        # The card first: where there is a template file, everything is there.
+        with write_atomically(path.with_suffix(".json")) as stream:
+            stream.write((text + "\n").encode())
         with write_atomically(path) as stream:
             np.savez_compressed(
                 stream,
@@ -139,8 +146,6 @@ class TemplateSet:
                 counts=self.counts.astype(np.int64),
                 card=np.asarray(text),
             )
-        with write_atomically(path.with_suffix(".json")) as stream:
-            stream.write((text + "\n").encode())
 
     @staticmethod
     def load(path: str | Path) -> "TemplateSet":

@@ -12,7 +12,6 @@ import pytorch_lightning as pl
 import torch
 import torch.distributed as dist
 from pytorch_lightning.callbacks import LearningRateMonitor, ModelCheckpoint
-from pytorch_lightning.loggers import TensorBoardLogger
 from pytorch_lightning.strategies import DDPStrategy
 from torch import Tensor
 from torch.optim import Optimizer
@@ -27,6 +26,7 @@ from shoot.bad_steps import SkipBadSteps
 from shoot.checkpoint_file import WholeCheckpoints, read_checkpoint, write_weights
 from shoot.config import OptimConfig, Precision, TrainConfig
 from shoot.datamodule import PlanBatch, PlanningData, check_shares
+from shoot.event_file import EventFile
 from shoot.loop_callbacks import EndTogether, JointStatistics, RoundProgress, TrainingTime, TrueStep
 from shoot.metrics import PlanningMetrics
 from shoot.metrics_file import MetricsFile
@@ -195,6 +195,7 @@ def train(config: TrainConfig) -> Path:
 
     Raises:
         DataError: If data, templates or the run folder are not as they should be.
+        OSError: If the run folder cannot be written, as where the disk is full.
     """
     keep_freed_memory()
     check_shares(config.optim.batch_size, math.prod(_processes(config)))
@@ -273,7 +274,7 @@ def make_trainer(config: TrainConfig, run: RunFolder, resume: bool = False) -> p
         log_every_n_steps=min(10, config.val_every),
         logger=[
             MetricsFile(run.metrics_file, resume),
-            TensorBoardLogger(run.folder, name="", version="tensorboard"),
+            EventFile(run.events),
         ],
         callbacks=[
             TrueStep(),  # before those that log

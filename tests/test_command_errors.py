@@ -15,6 +15,7 @@ from tiny_tables import VERSION, read_table, write_table
 from world_fixture import Said, TinyRun, command, train_flags, write_rides
 
 from lss_core import image_encoder
+from shoot.cli import app
 from shoot.templates import TemplateSet
 
 
@@ -339,6 +340,21 @@ def test_output_that_cannot_be_written(tiny_run: TinyRun, tmp_path: Path) -> Non
         command("shoot-make-world", below, "--train-scenes", 1, "--val-scenes", 0),
     ):
         assert str(tmp_path / "file") in complaint(said)
+
+
+def test_standard_output_on_a_full_disk(capsys: pytest.CaptureFixture[str]) -> None:
+    """The system's error names no file."""
+
+    def say() -> None:
+        with Path("/dev/full").open("w") as full:
+            print("much", file=full, flush=True)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", ["shoot-something"])
+        with pytest.raises(SystemExit) as ended:
+            app.run(dict, lambda _: say(), "Says much.")
+    assert ended.value.code == 2
+    assert "No space left on device; make room" in complaint(Said(2, "", capsys.readouterr().err))
 
 
 def test_console_script_ends_the_same_way(tmp_path: Path) -> None:

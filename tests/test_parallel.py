@@ -54,6 +54,11 @@ def cluster() -> Iterator[str]:
         yield local.scheduler_address
 
 
+def test_worker_that_is_ended_from_outside() -> None:
+    with pytest.raises(DataError, match="ended from outside"):
+        list(run_jobs(signal.raise_signal, [signal.SIGKILL, signal.SIGKILL], workers=2))
+
+
 @pytest.mark.parametrize("workers", [1, 2])
 def test_results_of_all_jobs(workers: int) -> None:
     assert sorted(run_jobs(math.sqrt, [9, 4, 0, 1], workers)) == [0, 1, 2, 3]

@@ -31,5 +31,5 @@ def test_saving_by_name_and_where_it_cannot(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="must end in one of"):
         save_figure(Figure(), tmp_path / "a.npz")
     (tmp_path / "file").write_text("not a folder")
-    with pytest.raises(DataError, match="Cannot write the picture"):
+    with pytest.raises(FileExistsError, match="/file'"):
         save_figure(Figure(), tmp_path / "file" / "a.png")

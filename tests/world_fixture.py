@@ -133,7 +133,9 @@ def command(name: str, *arguments: object) -> Said:
 
 _SERVER = multiprocessing.get_context("forkserver")
 # One process imports everything once; each side process is a fork of it.
-_SERVER.set_forkserver_preload(["shoot.cli.train"])
+_SERVER.set_forkserver_preload(
+    [f"shoot.cli.{name}" for name in ("train", "evaluate", "fit_templates", "make_world")]
+)
 
 
 def start_beside(
@@ -158,7 +160,7 @@ def start_beside(
 
 def start_command(name: str, *arguments: object, log: Path) -> BaseProcess:
     """Start a console command in another process."""
-    return start_beside(_main, name, [str(argument) for argument in arguments], log=log)
+    return start_beside(call_command, name, [str(argument) for argument in arguments], log=log)
 
 
 def _beside(
@@ -169,10 +171,13 @@ def _beside(
     with log.open("ab") as stream:
         os.dup2(stream.fileno(), 1)
         os.dup2(stream.fileno(), 2)
+    # As in a command from a shell; else its workers would be forks of another server.
+    multiprocessing.set_start_method("fork", force=True)
     function(*arguments)
 
 
-def _main(name: str, arguments: list[str]) -> None:
+def call_command(name: str, arguments: Sequence[str]) -> None:
+    """Call a console command in a process that has nothing else to do."""
     sys.argv = [name, *arguments]
     COMMANDS[name]()
 

@@ -1,5 +1,6 @@
 """What all commands share: parse, run, and say in one sentence what the user can mend."""
 
+import errno
 import logging
 import os
 import signal
@@ -16,6 +17,16 @@ from lss_core.errors import DataError
 from shoot.lost_processes import lost_process
 
 Config = TypeVar("Config")
+
+_MAKE_ROOM = "make room there, then call the command again"
+_REMEDIES = {
+    errno.ENOSPC: _MAKE_ROOM,
+    errno.EDQUOT: _MAKE_ROOM,
+    errno.EFBIG: "raise the limit for the size of files (ulimit -f), then call the command again",
+    errno.EROFS: "name a place that can be written, or have this one mounted for writing",
+    errno.EEXIST: "it is no folder; name another place",  # only ever met in making folders
+    errno.EACCES: "change its permissions, or name another place",
+}
 
 
 def run(
@@ -45,9 +56,11 @@ def run(
     except DataError as error:
         _end(error.sentence)
     except OSError as error:
-        if error.filename is None:
+        remedy = _REMEDIES.get(error.errno or 0)
+        if error.filename is None and remedy is None:
             raise
-        _end(f"'{error.filename}': {error.strerror}.")
+        where = "Standard output or a file" if error.filename is None else f"'{error.filename}'"
+        _end(f"{where}: {error.strerror}{f'; {remedy}' if remedy else ''}.")
     except RuntimeError as error:
         sentence = lost_process(error)
         if sentence is None:

@@ -65,6 +65,7 @@ def fit(config: FitTemplatesConfig) -> TemplateSet:
 
     Raises:
         DataError: If the data is not as it should be or has too few trajectories.
+        OSError: If a file cannot be written.
     """
     out = Path(config.out)
     if out.suffix != ".npz":
@@ -102,8 +103,8 @@ def fit(config: FitTemplatesConfig) -> TemplateSet:
         "coverage": {name: asdict(value) for name, value in coverage.items()},
     }
     templates = replace(templates, card=templates.card | card)
-    templates.save(out)
     save_figure(render_templates(templates.points, templates.counts), out.with_suffix(".png"))
+    templates.save(out)
     print("Distance of a future to its nearest template (mean over its points, m):")
     print(f"  {'split':8} {'futures':>8} {'mean':>6} {'median':>6} {'95 %':>6} {'max':>6}")
     for name, value in coverage.items():

@@ -15,7 +15,8 @@ def save_figure(figure: Figure, path: str | Path, dpi: float = 150.0) -> Path:
     An older picture of that name stays untouched until the new one is complete.
 
     Raises:
-        DataError: If the format is unknown or the file cannot be written.
+        DataError: If the format is unknown.
+        OSError: If the file cannot be written.
     """
     path = Path(path)
     kind = path.suffix.lower().removeprefix(".")
@@ -25,9 +26,6 @@ def save_figure(figure: Figure, path: str | Path, dpi: float = 150.0) -> Path:
             f"Cannot save a picture as {path}: its name must end in one of "
             f"{', '.join(sorted(known))}."
         )
-    try:
-        with write_atomically(path) as stream:
-            figure.savefig(stream, format=kind, dpi=dpi)
-    except OSError as error:
-        raise DataError(f"Cannot write the picture {path}: {error.strerror or error}.") from error
+    with write_atomically(path) as stream:
+        figure.savefig(stream, format=kind, dpi=dpi)
     return path

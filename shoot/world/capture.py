@@ -7,6 +7,7 @@ from typing import Literal
 import cv2
 import numpy as np
 
+from lss_core.files import write_atomically
 from shoot.world.paint import Paint
 from shoot.world.rig import make_rig
 from shoot.world.scenario import describe, make_look, make_scenario
@@ -84,6 +85,9 @@ def capture_scene(order: SceneOrder, town: Town, paint: Paint, root: Path) -> di
         town: Its town.
         paint: The town's ground, at `texel_m` of the images' scale.
         root: Folder of the data set.
+
+    Raises:
+        OSError: If a file cannot be written.
     """
     scene_seed = seed_of(order.seed, order.split, "scene", order.index)
     recording = make_scenario(town, scene_seed, order.duration_s)
@@ -205,8 +209,8 @@ def capture_scene(order: SceneOrder, town: Town, paint: Paint, root: Path) -> di
 
 
 def _write_bytes(path: Path, content: bytes) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(content)
+    with write_atomically(path, one_of_many=True) as stream:
+        stream.write(content)
 
 
 def _annotate(

@@ -12,6 +12,7 @@ import shapely
 import shapely.ops
 from numpy.typing import NDArray
 
+from lss_core.files import write_atomically
 from shoot.world.paint import polygons_of
 from shoot.world.tables import Row, rounded
 from shoot.world.tiling import TILE_M, Location, token
@@ -319,7 +320,7 @@ def _write_png(path: Path, width: int, height: int, bands: Iterator[bytes]) -> N
         return len(content).to_bytes(4, "big") + kind + content + check.to_bytes(4, "big")
 
     squeeze = zlib.compressobj(6)
-    with path.open("wb") as stream:
+    with write_atomically(path) as stream:
         stream.write(b"\x89PNG\r\n\x1a\n")
         size = width.to_bytes(4, "big") + height.to_bytes(4, "big")
         stream.write(piece(b"IHDR", size + bytes([2, 0, 0, 0, 0])))

@@ -1,19 +1,18 @@
 """Writes the synthetic city to disk as a nuScenes data set that looks whole only when it is.
 
 One job makes one town with its scenes. Each scene writes its files and, last, its rows into
-`.parts`; when all parts are there, the tables are joined in `v1.0-trainval.partial`, which is
-renamed as the very last step.
+`.parts`; when all parts are there, the tables are joined in `.parts/v1.0-trainval`, which is moved
+to its place as the very last step. A kill at any moment leaves no file that is not whole.
 """
 
 import json
-import os
 import shutil
 from collections.abc import Iterator
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
-from uuid import uuid4
 
 import cv2
 import tyro
@@ -21,7 +20,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from lss_core.data.splits import official_scenes
 from lss_core.errors import DataError
-from lss_core.files import sole_writer
+from lss_core.files import clear_leftovers, name_errors, sole_writer, write_atomically
 from shoot.parallel import run_jobs
 from shoot.world.capture import LIDAR, SceneOrder, capture_scene, texel_m
 from shoot.world.maps import canvas_of, merge_layers, town_layers, town_mask, write_mask
@@ -141,6 +140,7 @@ def _make_world(config: MakeWorldConfig, root: Path) -> None:
     if _is_finished(root, config):
         shutil.rmtree(root / _PARTS, ignore_errors=True)
         return
+    clear_leftovers(root)
     parts = root / _PARTS
     parts.mkdir(parents=True, exist_ok=True)
     towns = list(_town_orders(config))
@@ -234,27 +234,36 @@ def _write_town(order: _TownOrder, town: Town, parts: Path) -> None:
     part = parts / f"{order.name}.json"
     if part.exists():
         return
-    cv2.imwrite(str(parts / f"{order.name}.png"), town_mask(town), [cv2.IMWRITE_PNG_BILEVEL, 1])
+    # Not cv2.imwrite: it says nothing when the disk is full.
+    _, mask = cv2.imencode(".png", town_mask(town), [cv2.IMWRITE_PNG_BILEVEL, 1])
+    with write_atomically(parts / f"{order.name}.png") as stream:
+        stream.write(mask.tobytes())
     _write_json(part, town_layers(town, f"{order.seed}/{order.name}", order.tile.origin_m))
 
 
 def _write_json(path: Path, content: Any) -> None:
-    """Write a file that is there whole or not at all."""
-    aside = path.with_name(f".{path.name}.{uuid4().hex}")  # of no other process on any machine
-    with aside.open("w", encoding="utf-8") as stream:
+    with write_atomically(path) as stream:
         # Not json.dump: writing piece by piece it is ten times slower.
-        stream.write(json.dumps(content, separators=(",", ":")))
-    aside.replace(path)
+        stream.write(json.dumps(content, separators=(",", ":")).encode())
 
 
 def _join(root: Path, towns: list[_TownOrder]) -> None:
+    joined = root / _PARTS / VERSION
+    shutil.rmtree(joined, ignore_errors=True)
+    joined.mkdir()
+    with ExitStack() as stack:
+        tables = {name: _Table(joined / f"{name}.json", stack) for name in TABLE_NAMES}
+        _fill(tables, root, towns)
+        for table in tables.values():
+            table.end()
+    joined.replace(root / VERSION)
+
+
+def _fill(tables: dict[str, "_Table"], root: Path, towns: list[_TownOrder]) -> None:
+    """Add the rows of all parts, and write the maps, whose files have rows too."""
     parts = root / _PARTS
-    partial = root / f"{VERSION}.partial"
-    shutil.rmtree(partial, ignore_errors=True)
-    partial.mkdir()
     channels = (*(plan.channel for plan in CAMERA_PLANS), LIDAR)
     logs: dict[int, list[str]] = {}
-    tables = {name: _Table(partial / f"{name}.json") for name in TABLE_NAMES}
     for name, rows in fixed_tables(channels).items():
         tables[name].add(rows)
     for town in towns:
@@ -273,9 +282,6 @@ def _join(root: Path, towns: list[_TownOrder]) -> None:
             "log_tokens": logs[number],
         }])  # fmt: skip
         _join_map(root, number, [town for town in towns if town.tile.location == number])
-    for table in tables.values():
-        table.close()
-    partial.replace(root / VERSION)
 
 
 def _join_map(root: Path, number: int, towns: list[_TownOrder]) -> None:
@@ -293,19 +299,20 @@ def _join_map(root: Path, number: int, towns: list[_TownOrder]) -> None:
 class _Table:
     """Writes a JSON list row by row: the tables of a large world do not fit into memory."""
 
-    def __init__(self, path: Path) -> None:
-        self._stream = path.open("w", encoding="utf-8")
-        self._stream.write("[")
+    def __init__(self, path: Path, stack: ExitStack) -> None:
+        self._path = path
+        self._stream = stack.enter_context(write_atomically(path))
+        self._stream.write(b"[")
         self._is_empty = True
 
     def add(self, rows: list[Row]) -> None:
-        for row in rows:
-            self._stream.write("\n" if self._is_empty else ",\n")
-            self._is_empty = False
-            self._stream.write(json.dumps(row))
+        with name_errors(self._path):  # all tables are open, and each would give its own name
+            for row in rows:
+                self._stream.write(b"\n" if self._is_empty else b",\n")
+                self._is_empty = False
+                self._stream.write(json.dumps(row).encode())
 
-    def close(self) -> None:
-        self._stream.write("\n]\n")
-        self._stream.flush()
-        os.fsync(self._stream.fileno())
-        self._stream.close()
+    def end(self) -> None:
+        with name_errors(self._path):
+            self._stream.write(b"\n]\n")
+            self._stream.flush()
