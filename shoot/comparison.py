@@ -92,6 +92,7 @@ def sum_up(run: TrainedRun, scored: Scored, split: str) -> Report:
         report,
         num_boxes_left_out=checks.num_boxes_left_out,
         num_samples_with_boxes_left_out=checks.num_samples_affected,
+        num_bad_samples=len(samples.left_out),
     )
 
 

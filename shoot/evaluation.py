@@ -99,6 +99,7 @@ class Report:
         num_boxes_left_out: Annotated boxes that the driver's own path touches, and that no path
             is therefore checked against: pairs of sample and object.
         num_samples_with_boxes_left_out: Samples that have such.
+        num_bad_samples: Samples left out because they cannot be used.
     """
 
     split: str
@@ -108,6 +109,7 @@ class Report:
     by_speed: dict[str, Results]
     num_boxes_left_out: int = 0
     num_samples_with_boxes_left_out: int = 0
+    num_bad_samples: int = 0
 
     def to_json(self) -> dict[str, Any]:
         """The form of report.json: plain dicts, lists, strings, numbers and null."""
@@ -116,6 +118,7 @@ class Report:
             **self.overall.to_json(),
             "num_boxes_left_out": self.num_boxes_left_out,
             "num_samples_with_boxes_left_out": self.num_samples_with_boxes_left_out,
+            "num_bad_samples": self.num_bad_samples,
             "by_manoeuvre": {name: part.to_json() for name, part in self.by_manoeuvre.items()},
             "by_condition": {name: part.to_json() for name, part in self.by_condition.items()},
             "by_speed": {name: part.to_json() for name, part in self.by_speed.items()},
