@@ -13,7 +13,8 @@ class DataError(Exception):
     def sentence(self) -> str:
         """The message alone, fit for a terminal; the middle of a very long one is left out."""
         # A loader process wraps its whole traceback round the message.
-        text = legible(str(self).rsplit(f"{type(self).__name__}: ", 1)[-1].strip())
+        text = str(self).rsplit(f"{type(self).__name__}: ", 1)[-1]
+        text = legible(" ".join(text.split()))
         if len(text) <= _HEAD + _TAIL:
             return text
         return f"{text[:_HEAD]} ... {text[-_TAIL:]}"

@@ -98,7 +98,10 @@ def is_side(side_px: FloatArray) -> NDArray[np.bool_]:
 
 
 def step_flaws(
-    elapsed_s: FloatArray, moved_m: FloatArray, name: Callable[[int], str]
+    elapsed_s: FloatArray,
+    moved_m: FloatArray,
+    name: Callable[[int], str],
+    longest_s: float = MAX_STEP_S,
 ) -> dict[int, Problem]:
     """What no car does from one moment to another, by row.
 
@@ -106,18 +109,15 @@ def step_flaws(
         elapsed_s: [R] time between the two, of either sign.
         moved_m: [R] distance.
         name: Words for the two poses of a row.
+        longest_s: More time than this is a gap.
     """
     elapsed_s = np.abs(elapsed_s)
-    problems = {
-        int(row): Problem(
-            "impossible motion",
-            f"{name(int(row))} are {moved_m[row]:.3g} m apart in {elapsed_s[row]:.3g} s",
-        )
-        for row in np.flatnonzero(moved_m > _STEP_SLACK_M + _MAX_SPEED_MPS * elapsed_s)
-    }
-    for row in np.flatnonzero(elapsed_s > MAX_STEP_S):
-        text = f"{name(int(row))} are {elapsed_s[row]:.3g} s apart"
-        problems[int(row)] = Problem("gap in time", text)
+    problems = {}
+    for row in np.flatnonzero(moved_m > _STEP_SLACK_M + _MAX_SPEED_MPS * elapsed_s).tolist():
+        text = f"{name(row)} are {moved_m[row]:.3g} m apart in {elapsed_s[row]:.3g} s"
+        problems[row] = Problem("impossible motion", text)
+    for row in np.flatnonzero(elapsed_s > longest_s).tolist():
+        problems[row] = Problem("gap in time", f"{name(row)} are {elapsed_s[row]:.3g} s apart")
     return problems
 
 

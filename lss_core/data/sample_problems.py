@@ -1,5 +1,6 @@
 """Which scenes, images and sweeps have a problem, from what is wrong with single records."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,9 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lss_core.data.joins import JoinedTables
-from lss_core.data.problems import Problem, ProblemList, step_flaws
+from lss_core.data.problems import MAX_STEP_S, Problem, ProblemList, step_flaws
 from lss_core.data.tables import EgoPose, SampleData, table_path
 from lss_core.geometry import FloatArray
+
+# Poses so many apart are looked at, too: where times are too short, single steps are small.
+_FEW = 10
 
 
 @dataclass(frozen=True)
@@ -84,17 +88,20 @@ def _bad_steps(folder: Path, tables: JoinedTables) -> Iterable[tuple[int, Proble
     place_m = tables.global_from_ego[tables.track, :3, 3]
     counts = np.diff(tables.track_start)
     scene = np.repeat(np.arange(len(counts)), counts)
-    within = np.flatnonzero(np.diff(scene) == 0)
-    elapsed_s = time_s[within + 1] - time_s[within]
-    moved_m = np.linalg.norm(place_m[within + 1] - place_m[within], axis=-1)
-    token = tables.frames.pose_token
+    for ahead in (1, _FEW):
+        first = np.flatnonzero(scene[ahead:] == scene[:-ahead])
+        second = first + ahead
+        elapsed_s = time_s[second] - time_s[first]
+        moved_m = np.linalg.norm(place_m[second] - place_m[first], axis=-1)
+        longest_s = MAX_STEP_S if ahead == 1 else math.inf
 
-    def name(step: int) -> str:
-        pair = " and ".join(f"'{token[f]}'" for f in tables.track[within[step] : within[step] + 2])
-        return f"records {pair} of {_place(folder, EgoPose)}"
+        def name(step: int, first: NDArray[np.int64] = first, ahead: int = ahead) -> str:
+            frames = tables.track[[first[step], first[step] + ahead]]
+            one, other = (tables.frames.pose_token[frame] for frame in frames)
+            return f"records '{one}' and '{other}' of {_place(folder, EgoPose)}"
 
-    for step, problem in step_flaws(elapsed_s, moved_m, name).items():
-        yield int(scene[within[step]]), problem
+        for step, problem in step_flaws(elapsed_s, moved_m, name, longest_s).items():
+            yield int(scene[first[step]]), problem
 
 
 def _no_poses(folder: Path, tables: JoinedTables) -> Iterable[tuple[int, Problem]]:

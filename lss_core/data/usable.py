@@ -183,15 +183,22 @@ class _Files:
 
     def _image_problem(self, name: str, image_hw: tuple[int, int]) -> Problem | None:
         path = self._root / name
-        if not path.is_file():
+        if not _is_file(path):
             return Problem("missing image", f"'{path}' is missing")
         return image_problem(path, image_hw) if self._look_inside else None
 
     def _sweep_problem(self, name: str) -> Problem | None:
         path = self._root / name
-        if not path.is_file():
+        if not _is_file(path):
             return Problem("missing lidar sweep", f"'{path}' is missing")
         return sweep_problem(path) if self._look_inside else None
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # as of a name that is too long
+        return False
 
 
 def _without(
