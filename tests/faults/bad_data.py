@@ -20,7 +20,6 @@ CAMS = CAMERAS[:2]
 # 13 keyframes, of which three have five seconds of future.
 TRAIN = TinyScene("scene-0001", seconds=6.0)
 BESIDE = TinyScene("scene-0002", seconds=6.0, speed_mps=3.0, yaw_rate_radps=-0.2)
-VAL = TinyScene("scene-0003", seconds=6.0, speed_mps=9.0, yaw_rate_radps=0.02)
 NUM_WITH_FUTURE = 6  # of training
 # Three speeds straight ahead.
 TEMPLATES = TemplateSet(

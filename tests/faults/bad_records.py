@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from bad_data import BESIDE, CAMS, TOKEN, TRAIN, Case, Record, Spoil, change, change_frame, rewrite
+from bad_data import CAMS, TOKEN, TRAIN, Case, Record, Spoil, change, change_frame, rewrite
 
 NAN, INF = math.nan, math.inf
 CALIBRATION = f"{TRAIN.name}-{CAMS[0]}"
@@ -326,4 +326,3 @@ SAMPLE_TIMES = [
     ),
 ]
 POSES += SAMPLE_TIMES
-assert BESIDE.name != TRAIN.name

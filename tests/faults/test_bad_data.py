@@ -3,6 +3,7 @@
 import itertools
 import json
 import os
+import shutil
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,7 +16,6 @@ from bad_data import (
     NUM_WITH_FUTURE,
     OUTCOME,
     TRAIN,
-    VAL,
     Case,
     check,
     config,
@@ -35,8 +35,8 @@ _opened: list[str] = []
 def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The data set before it is spoilt; beside it lies what nobody may open."""
     root = tmp_path_factory.mktemp("bad") / "data"
-    write_tiny(root, (TRAIN, BESIDE, VAL), cameras=CAMS, image_hw=(36, 64))
-    splits = {"train": [TRAIN.name, BESIDE.name, "scene-0004"], "val": [VAL.name]}
+    write_tiny(root, (TRAIN, BESIDE), cameras=CAMS, image_hw=(36, 64))
+    splits = {"train": [TRAIN.name, BESIDE.name, "scene-0004"], "val": ["scene-0003"]}
     (root / VERSION / "splits.json").write_text(json.dumps(splits))
     return root
 
@@ -98,6 +98,7 @@ def test_bad_input(
             if OUTSIDE in name or name.startswith(("/etc/passwd", "/dev/zero"))
         ]
         assert not strange
+    shutil.rmtree(root)
 
 
 def link(root: Path, target: Path, below: str = "") -> Path:
