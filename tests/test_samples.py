@@ -320,7 +320,7 @@ def test_bad_numbers_are_a_problem_of_what_they_belong_to(
         np.testing.assert_array_equal(last_camera, np.flatnonzero(index.sample_scene == 1))
         assert (index.camera_problem[:, 0] == 0).all()
         number = index.camera_problem[-1, 1]
-    what = index.problem(number).what
+    what = index.problem(int(number)).what
     assert what.startswith(f"record '{records[-1]['token']}' of {VERSION}/{table}.json has ")
     assert message in what
     # Nothing else of the index is harmed.
@@ -343,7 +343,7 @@ def test_scene_without_any_record_has_a_problem(tiny_copy: Path, own_cache: Path
     assert (np.bincount(index.sample_scene) == KEYFRAMES_A_SCENE).all()
     assert index.track(1) == slice(SWEEPS_A_SCENE, SWEEPS_A_SCENE)
     assert index.scene_problem[0] == 0
-    problem = index.problem(index.scene_problem[1])
+    problem = index.problem(int(index.scene_problem[1]))
     assert problem.reason == "scene without poses"
     assert "'token-scene-0003'" in problem.what
 

@@ -223,7 +223,8 @@ def test_fitting_ends_in_one_sentence(case: Case, spoilt: Path, tmp_path: Path) 
             line = complaint(
                 fit(spoilt, tmp_path / "t.npz", "--data.cameras", *CAMERAS[:2], *flags)
             )
-            assert any(word in line for word in case.says)
+            # Where a scene is too short, there is nothing to fit.
+            assert any(word in line for word in (*case.says, "to 0 trajectories"))
 
 
 ALL_OF_A_SAMPLE = [c for c in (*IMAGES, *CALIBRATIONS) if c.says is not None and not c.lidar]
@@ -235,13 +236,12 @@ def test_pictures_end_in_one_sentence(case: Case, run: TinyRun) -> None:
     """The cases are made for a scene that the tiny run's data has, too."""
     case.spoil(run.root)
     with tally.throw("bad data: in commands", OUTCOME):
-        complaint(render(run, "--split", "train"))
+        complaint(render(run, "--split", "train", "--num", 20))
         said = render(run, "--split", "train", "--data.skip-bad", "--num", 20)
-        if case.skipped is None:
+        if said.status:
+            assert case.skipped is None
             complaint(said)
         else:
-            assert said.status == 0, said.err
             listed = json.loads((run.folder / "pictures" / "left_out.json").read_text())
-            assert (
-                len(list((run.folder / "pictures").glob("*.png"))) == 20 - listed["train"]["count"]
-            )
+            num_pictures = len(list((run.folder / "pictures").glob("*.png")))
+            assert num_pictures == 20 - listed["train"]["count"] < 20
