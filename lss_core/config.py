@@ -133,8 +133,8 @@ class DataConfig:
             keyframe's and those before it.
         ego_motion: Whether each camera's own pose at its own time is used (the released code does
             not).
-        skip_missing: Leave out samples whose image files are absent, and count them, instead of
-            stopping.
+        skip_bad: Leave out samples whose files are absent or damaged, or whose calibration or poses
+            cannot be, count and list them, instead of stopping.
         drop_cameras: Cameras hidden at random per training sample (paper, section 5.3).
         extrinsic_noise_rad: Standard deviation of rotation noise on `ego_from_camera` in training.
         extrinsic_noise_m: Standard deviation of translation noise on `ego_from_camera` in training.
@@ -146,7 +146,7 @@ class DataConfig:
     cameras: tuple[str, ...] = CAMERAS
     lidar_scans: int = 0
     ego_motion: bool = True
-    skip_missing: bool = False
+    skip_bad: bool = False
     drop_cameras: int = 0
     extrinsic_noise_rad: float = 0.0
     extrinsic_noise_m: float = 0.0

@@ -117,7 +117,7 @@ class TrainConfig:
         if not path.is_file():
             raise DataError(f"'{path.parent}' is no run folder: it has no {path.name}.")
         try:
-            loaded = yaml.safe_load(path.read_text(encoding="utf-8"))
+            loaded = _in_todays_words(yaml.safe_load(path.read_text(encoding="utf-8")))
             return TypeAdapter(TrainConfig).validate_python(loaded)
         except ValidationError as error:
             wrong = "; ".join(
@@ -127,6 +127,16 @@ class TrainConfig:
             raise DataError(f"'{path}' is no training config ({wrong}).") from error
         except (yaml.YAMLError, UnicodeDecodeError) as error:
             raise DataError(f"'{path}' is no training config: {error}") from error
+
+
+def _in_todays_words(loaded: Any) -> Any:
+    """A config as loaded, with settings by the names they have now."""
+    data = loaded.get("data") if isinstance(loaded, dict) else None
+    if not isinstance(data, dict) or "skip_missing" not in data:
+        return loaded
+    renamed = {"skip_bad": data["skip_missing"]} | data
+    del renamed["skip_missing"]
+    return loaded | {"data": renamed}
 
 
 def _plain(value: Any) -> Any:

@@ -14,12 +14,13 @@ from torch.utils.data import DataLoader, Dataset, Sampler
 
 from lss_core.batch import Batch, collate
 from lss_core.config import DataConfig
-from lss_core.data.dataset import CameraDataset, LidarDataset, usable_rows
+from lss_core.data.dataset import CameraDataset, LidarDataset
 from lss_core.data.samples import SampleIndex, load_index, rows_of_split
+from lss_core.data.usable import LeftOut, Needs, usable_rows, usable_scenes
 from lss_core.errors import DataError
 from shoot.config import TrainConfig
 from shoot.templates import TemplateSet
-from shoot.trajectories import DT_S, Futures, mine_futures
+from shoot.trajectories import DT_S, HORIZON_S, Futures, mine_futures
 
 
 @dataclass(frozen=True)
@@ -68,11 +69,13 @@ class LabelledSplit:
         index: Of the data set.
         futures: Theirs; `futures.sample` are the rows.
         labels: [S] nearest templates.
+        left_out: Keyframes that cannot be used.
     """
 
     index: SampleIndex
     futures: Futures
     labels: NDArray[np.int64]
+    left_out: tuple[LeftOut, ...] = ()
 
     @property
     def scene_names(self) -> NDArray[np.character]:
@@ -82,7 +85,11 @@ class LabelledSplit:
 
 
 def load_split(
-    data: DataConfig, split: str, templates: TemplateSet, need_files: bool = True
+    data: DataConfig,
+    split: str,
+    templates: TemplateSet,
+    need_files: bool = True,
+    with_points: bool = False,
 ) -> LabelledSplit:
     """Mine and label the keyframes of a split.
 
@@ -90,30 +97,58 @@ def load_split(
         data: Which data set.
         split: Which scenes.
         templates: To label with; of the mined horizon.
-        need_files: Look whether the files of images or sweeps are there.
+        need_files: Look at calibrations, and whether the files of images or sweeps are there.
+        with_points: A camera planner needs the keyframes' sweeps, too.
 
     Raises:
-        DataError: If the split is unknown or empty, files are missing, or no sample has a whole
-            future, or the templates have another time step.
+        DataError: If the split is unknown or empty, samples cannot be used and are not to be left
+            out, no sample has a whole future, or the templates have another time step.
+    """
+    index = load_index(data.root, data.version, data.cameras)
+    rows = rows_of_split(index, data.root, data.version, split)
+    needs = Needs.of_planner(data.lidar_scans, with_points) if need_files else None
+    return label_rows(index, rows, data, templates, needs, f"of split '{split}' ")
+
+
+def label_rows(
+    index: SampleIndex,
+    rows: NDArray[np.int64],
+    data: DataConfig,
+    templates: TemplateSet,
+    needs: Needs | None,
+    whose: str = "",
+) -> LabelledSplit:
+    """Mine and label samples.
+
+    Args:
+        index: Of the data set.
+        rows: Its samples, in the order of `rows_of_split`.
+        data: Where it is, and whether bad samples are left out.
+        templates: To label with.
+        needs: Which sensors they need; none if not given.
+        whose: Words for the samples.
+
+    Raises:
+        DataError: As `load_split`.
     """
     if abs(templates.dt_s - DT_S) > 1e-9:
         raise DataError(
             f"The templates have a point every {templates.dt_s:g} s, futures every {DT_S:g} s; "
             "fit templates for this time step."
         )
-    index = load_index(data.root, data.version, data.cameras)
-    rows = rows_of_split(index, data.root, data.version, split)
-    futures = mine_futures(index, rows, "keyframes")
+    in_scenes = usable_scenes(index, rows, data.skip_bad)
+    futures = mine_futures(index, in_scenes.rows, "keyframes")
     if not len(futures.sample):
         raise DataError(
-            f"No sample of split '{split}' in {Path(data.root) / data.version} has a whole future."
+            f"No sample {whose}in {Path(data.root) / data.version} has a whole future, of "
+            f"{HORIZON_S:g} s."
         )
-    if need_files:
-        usable = usable_rows(
-            index, Path(data.root), futures.sample, data.skip_missing, data.lidar_scans
-        )
-        futures = futures.select(np.isin(futures.sample, usable))
-    return LabelledSplit(index, futures, templates.nearest(futures.xy_m))
+    left_out = in_scenes.left_out
+    if needs is not None:
+        usable = usable_rows(index, Path(data.root), futures.sample, data.skip_bad, needs)
+        futures = futures.select(np.isin(futures.sample, usable.rows))
+        left_out += usable.left_out
+    return LabelledSplit(index, futures, templates.nearest(futures.xy_m), left_out)
 
 
 class PlanningDataset(Dataset[PlanBatch]):
@@ -231,7 +266,11 @@ class PlanningData(pl.LightningDataModule):
     def __init__(self, config: TrainConfig, templates: TemplateSet) -> None:
         super().__init__()
         self.config = config
-        self.train_split = load_split(config.data, config.train_split, templates)
+        # Only training looks at the lidar to learn depths.
+        self._with_points = config.optim.depth_weight > 0.0
+        self.train_split = load_split(
+            config.data, config.train_split, templates, with_points=self._with_points
+        )
         self.val_split = load_split(config.data, config.val_split, templates)
         shared = set(self.train_split.scene_names) & set(self.val_split.scene_names)
         if shared:
@@ -239,6 +278,14 @@ class PlanningData(pl.LightningDataModule):
                 f"Splits '{config.train_split}' and '{config.val_split}' share {len(shared)} "
                 f"scenes ('{min(shared)}' is one); a result on them would be worth nothing."
             )
+
+    @property
+    def left_out(self) -> dict[str, tuple[LeftOut, ...]]:
+        """What cannot be used, by split."""
+        return {
+            self.config.train_split: self.train_split.left_out,
+            self.config.val_split: self.val_split.left_out,
+        }
 
     def train_dataloader(self) -> DataLoader[PlanBatch]:
         """Batches of one round of `val_every` steps."""
@@ -278,8 +325,7 @@ class PlanningData(pl.LightningDataModule):
         self, split: LabelledSplit, sampler: Sampler[tuple[int, int]], batch_size: int
     ) -> DataLoader[PlanBatch]:
         workers = self.config.num_workers
-        # Only training looks at the lidar to learn depths.
-        with_points = split is self.train_split and self.config.optim.depth_weight > 0.0
+        with_points = split is self.train_split and self._with_points
         return DataLoader(
             PlanningDataset(split, self.config.data, self.config.seed, with_points),
             batch_size=batch_size,

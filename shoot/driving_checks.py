@@ -28,7 +28,7 @@ from jaxtyping import Bool, Float
 
 from lss_core.config import DataConfig
 from lss_core.data.boxes import has_annotations, read_boxes
-from lss_core.data.drivable import DrivableArea, load_drivable_area, map_path
+from lss_core.data.drivable import DrivableArea, has_map, load_drivable_area
 from lss_core.data.samples import SampleIndex
 from lss_core.geometry import yaw_of
 from shoot.box_moments import BoxMoments, find_moments, touched
@@ -166,7 +166,7 @@ class DrivingChecks:
 
 
 def _load_areas(root: Path, locations: list[str]) -> dict[str, DrivableArea] | None:
-    if not any(map_path(root, location).is_file() for location in locations):
+    if not any(has_map(root, location) for location in locations):
         logger.warning(
             "No map expansion of %s in %s: off-road rates are left out.",
             ", ".join(locations),

@@ -101,6 +101,7 @@ class Report:
         num_samples_with_boxes_left_out: Samples that have such.
         by_scene: Scene -> `num_samples` and the model's mean `top10` (per cent) and `nll` (nats):
             enough to compare two runs with paired intervals.
+        num_bad_samples: Samples left out because they cannot be used.
     """
 
     split: str
@@ -111,6 +112,7 @@ class Report:
     num_boxes_left_out: int = 0
     num_samples_with_boxes_left_out: int = 0
     by_scene: dict[str, dict[str, float | int]] = field(default_factory=dict)
+    num_bad_samples: int = 0
 
     def to_json(self) -> dict[str, Any]:
         """The form of report.json: plain dicts, lists, strings, numbers and null."""
@@ -119,6 +121,7 @@ class Report:
             **self.overall.to_json(),
             "num_boxes_left_out": self.num_boxes_left_out,
             "num_samples_with_boxes_left_out": self.num_samples_with_boxes_left_out,
+            "num_bad_samples": self.num_bad_samples,
             "by_manoeuvre": {name: part.to_json() for name, part in self.by_manoeuvre.items()},
             "by_condition": {name: part.to_json() for name, part in self.by_condition.items()},
             "by_speed": {name: part.to_json() for name, part in self.by_speed.items()},

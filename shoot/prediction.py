@@ -45,7 +45,7 @@ def open_run(
     root: str | None = None,
     version: str | None = None,
     templates: str | None = None,
-    skip_missing: bool = False,
+    skip_bad: bool = False,
 ) -> TrainedRun:
     """Load a run's config, templates and weights.
 
@@ -55,7 +55,7 @@ def open_run(
         root: Data root, if not the one it was trained on.
         version: Version, if not the one it was trained on.
         templates: Template file, if not the run's own copy; must be the same templates.
-        skip_missing: Leave out samples whose files are absent.
+        skip_bad: Leave out samples that cannot be used, also if the run did not.
 
     Raises:
         DataError: If something is missing or does not fit together.
@@ -66,7 +66,7 @@ def open_run(
         config.data,
         root=root or config.data.root,
         version=version or config.data.version,
-        skip_missing=skip_missing or config.data.skip_missing,
+        skip_bad=skip_bad or config.data.skip_bad,
     )
     # The weights come from the checkpoint.
     model = replace(config.model, pretrained="none")

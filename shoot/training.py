@@ -13,10 +13,12 @@ import torch
 import torch.distributed as dist
 from pytorch_lightning.callbacks import LearningRateMonitor, ModelCheckpoint
 from pytorch_lightning.strategies import DDPStrategy
+from pytorch_lightning.utilities import rank_zero_only
 from torch import Tensor
 from torch.optim import Optimizer
 
 from lss_core.batch import Batch
+from lss_core.data.usable import LEFT_OUT, save_left_out
 from lss_core.depth_targets import batch_depth_bins, depth_loss
 from lss_core.errors import DataError
 from lss_core.files import sole_writer
@@ -223,6 +225,7 @@ def _train(config: TrainConfig, run: RunFolder, templates: TemplateSet) -> Path:
             )
     pl.seed_everything(config.seed, workers=True, verbose=False)
     data = PlanningData(config, templates)
+    rank_zero_only(save_left_out)(run.folder / LEFT_OUT, data.left_out)
     module = PlanningModule(config, templates)
     logger.info(
         "Training on %d samples (%d left out), validating on %d; %.2f M parameters, %s.",

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lss_core.data.samples import TIME_TOLERANCE_S, SampleIndex
+from lss_core.data.usable import usable_scenes
 from lss_core.geometry import FloatArray
 from shoot.footprint import turn
 from shoot.parallel import run_jobs
@@ -172,8 +173,10 @@ def mine_futures(
         dask: Address of a dask scheduler whose workers do it, a number of scenes at a time.
 
     Raises:
-        DataError: If the cluster cannot be used.
+        DataError: If the poses of a scene cannot be (`usable_scenes` leaves such out), or the
+            cluster cannot be used.
     """
+    usable_scenes(index, rows, skip_bad=False)
     rides = _rides(index, rows, starts)
     chunks = [
         (first, rides[first : first + _SCENES_A_JOB])

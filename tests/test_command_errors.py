@@ -115,9 +115,19 @@ def test_missing_image(spoilt: TinyRun, tmp_path: Path) -> None:
 
 def test_missing_images_are_skipped_where_allowed(spoilt: TinyRun) -> None:
     first_val_image(spoilt.root).unlink()
-    said = evaluate(spoilt, "--data.skip-missing")
+    said = evaluate(spoilt, "--data.skip-bad")
     assert said.status == 0, said.err
-    assert json.loads((spoilt.folder / "report.json").read_text())["num_samples"] == 14
+    report = json.loads((spoilt.folder / "report.json").read_text())
+    assert (report["num_samples"], report["num_bad_samples"]) == (14, 1)
+    listed = json.loads((spoilt.folder / "report.left_out.json").read_text())["val"]
+    assert listed["by_reason"] == {"missing image": 1}
+    assert listed["list"][0]["sample"] == "scene-0003-00"
+    # When the data set is mended, nothing says otherwise.
+    shutil.copy(
+        first_val_image(spoilt.root).with_stem("scene-0003-01"), first_val_image(spoilt.root)
+    )
+    assert evaluate(spoilt, "--data.skip-bad").status == 0
+    assert not (spoilt.folder / "report.left_out.json").exists()
 
 
 @pytest.mark.parametrize("num_workers", [0, 1])

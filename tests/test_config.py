@@ -28,7 +28,7 @@ def test_every_changed_field_comes_back(tmp_path: Path) -> None:
             image=ImageConfig(64, 96, (0.5, 0.75), (0.0, 0.1), 0.0, False),
             cameras=("CAM_BACK",),
             ego_motion=False,
-            skip_missing=True,
+            skip_bad=True,
             drop_cameras=2,
             extrinsic_noise_rad=1e-7,
         ),
@@ -49,6 +49,16 @@ def test_every_changed_field_comes_back(tmp_path: Path) -> None:
     assert loaded == config
     assert isinstance(loaded.data.cameras, tuple)
     assert isinstance(loaded.model.grid, BevGrid)
+
+
+def test_settings_of_older_runs_are_understood(tmp_path: Path) -> None:
+    path = tmp_path / "config.yaml"
+    for skip_bad in (True, False):
+        config = replace(PAPER, data=replace(PAPER.data, skip_bad=skip_bad))
+        config.save(path)
+        path.write_text(path.read_text().replace("skip_bad", "skip_missing"))
+        assert "skip_missing" in path.read_text()
+        assert TrainConfig.load(path) == config
 
 
 @pytest.mark.parametrize(

@@ -71,9 +71,9 @@ def test_samples_without_images_leave_the_split(
     # One sample that counts and one that has no whole future anyway.
     for number in (2, 15):
         (root / "samples" / "CAM_FRONT" / f"scene-0001-{number:02d}.jpg").unlink()
-    with pytest.raises(DataError, match="1 of 7 samples lack images"):
+    with pytest.raises(DataError, match="1 of 7 samples cannot be used"):
         load_split(own, "train", templates)
-    split = load_split(replace(own, skip_missing=True), "train", templates)
+    split = load_split(replace(own, skip_bad=True), "train", templates)
     assert split.index.sample_token[split.futures.sample].tolist() == [
         f"scene-0001-{number:02d}" for number in (0, 1, 3, 4, 5, 6)
     ]

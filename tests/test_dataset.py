@@ -14,8 +14,9 @@ from torch.utils.data import DataLoader
 
 from lss_core.batch import Batch, collate
 from lss_core.config import CAMERAS, DataConfig, ImageConfig
-from lss_core.data.dataset import CameraDataset, ego_from_camera, usable_rows
+from lss_core.data.dataset import CameraDataset, ego_from_camera
 from lss_core.data.samples import SampleIndex, load_index
+from lss_core.data.usable import usable_rows
 from lss_core.errors import DataError
 
 IMAGE = ImageConfig(height_px=32, width_px=64)
@@ -227,17 +228,18 @@ def test_missing_image_is_named_or_skipped(
 ) -> None:
     index = load_index(small_root, VERSION, CAMERAS[:2])
     rows = all_rows(index)
-    assert usable_rows(index, small_root, rows, skip_missing=False).tolist() == rows.tolist()
+    assert usable_rows(index, small_root, rows, skip_bad=False).rows.tolist() == rows.tolist()
     for number in (3, 9):
         (small_root / "samples" / "CAM_FRONT" / f"scene-0001-{number:02d}.jpg").unlink()
-    with pytest.raises(DataError, match=r"2 of 34 samples lack images: '.*scene-0001-03\.jpg'"):
-        usable_rows(index, small_root, rows, skip_missing=False)
+    with pytest.raises(DataError, match=r"2 of 34 samples .*scene-0001-03: '.*scene-0001-03\.jpg'"):
+        usable_rows(index, small_root, rows, skip_bad=False)
     with caplog.at_level(logging.WARNING):
-        left = usable_rows(index, small_root, rows, skip_missing=True)
-    assert "Left out 2 of 34" in caplog.text
-    assert set(rows.tolist()) - set(left.tolist()) == {3, 9}
-    with pytest.raises(DataError, match="None of 1 samples has all its images"):
-        usable_rows(index, small_root, rows[3:4], skip_missing=True)
+        left = usable_rows(index, small_root, rows, skip_bad=True)
+    assert "Left out 2 of 34 samples: 2 missing image" in caplog.text
+    assert set(rows.tolist()) - set(left.rows.tolist()) == {3, 9}
+    assert [one.sample for one in left.left_out] == ["scene-0001-03", "scene-0001-09"]
+    with pytest.raises(DataError, match="None of 1 samples can be used"):
+        usable_rows(index, small_root, rows[3:4], skip_bad=True)
 
 
 def test_samples_without_any_camera_are_not_usable(small_root: Path) -> None:
@@ -247,9 +249,9 @@ def test_samples_without_any_camera_are_not_usable(small_root: Path) -> None:
     has_camera[6, 0] = False  # one of two is enough
     poorer = dataclasses.replace(index, has_camera=has_camera)
     rows = all_rows(index)
-    with pytest.raises(DataError, match=r"1 of 34 .*sample scene-0001-05 has no image"):
-        usable_rows(poorer, small_root, rows, skip_missing=False)
-    left = usable_rows(poorer, small_root, rows, skip_missing=True)
+    with pytest.raises(DataError, match=r"1 of 34 .*sample scene-0001-05: it has no image"):
+        usable_rows(poorer, small_root, rows, skip_bad=False)
+    left = usable_rows(poorer, small_root, rows, skip_bad=True).rows
     assert len(left) == 2 * KEYFRAMES_A_SCENE - 1
 
 

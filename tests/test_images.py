@@ -193,7 +193,7 @@ def test_missing_image_is_named(tmp_path: Path) -> None:
 
 def test_no_image_at_all(tmp_path: Path) -> None:
     (tmp_path / "text.jpg").write_text("no image")
-    with pytest.raises(DataError, match=r"'.*text\.jpg' cannot be read"):
+    with pytest.raises(DataError, match=r"'.*text\.jpg' is no JPEG or PNG"):
         open_image(tmp_path / "text.jpg")
 
 

@@ -11,9 +11,10 @@ from world_fixture import SMALL_FLAGS, TinyRun, command
 
 from lss_core.batch import collate
 from lss_core.config import CAMERAS, DataConfig
-from lss_core.data.dataset import LidarDataset, usable_rows
+from lss_core.data.dataset import LidarDataset
 from lss_core.data.lidar import load_scans, recent_sweeps
 from lss_core.data.samples import SampleIndex, load_index
+from lss_core.data.usable import Needs, usable_rows
 from lss_core.errors import DataError
 from lss_core.geometry import apply, invert
 from shoot import fast
@@ -115,10 +116,13 @@ def test_a_missing_sweep_is_named_or_left_out(root: Path, tmp_path: Path) -> Non
     name = index.sweep_path[recent_sweeps(index, row, 3)[-1]].decode()
     (spoilt / name).unlink()
     rows = np.asarray([row - 1, row])
-    assert usable_rows(index, spoilt, rows, False, lidar_scans=2).tolist() == rows.tolist()
-    with pytest.raises(DataError, match=rf"1 of 2 samples lack lidar sweeps: .*{Path(name).name}"):
-        usable_rows(index, spoilt, rows, False, lidar_scans=3)
-    assert usable_rows(index, spoilt, rows, True, lidar_scans=3).tolist() == [row - 1]
+    two, three = (Needs(images=False, lidar_scans=scans) for scans in (2, 3))
+    assert usable_rows(index, spoilt, rows, False, two).rows.tolist() == rows.tolist()
+    with pytest.raises(DataError, match=rf"1 of 2 samples cannot be used.*{Path(name).name}"):
+        usable_rows(index, spoilt, rows, False, three)
+    usable = usable_rows(index, spoilt, rows, True, three)
+    assert usable.rows.tolist() == [row - 1]
+    assert usable.left_out[0].reason == "missing lidar sweep"
 
 
 def test_a_lidar_planner_from_training_to_pictures(

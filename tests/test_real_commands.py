@@ -63,7 +63,7 @@ def test_missing_files_of_the_other_keyframes_are_named(
         "--split", "train", "--out", tmp_path,
     )  # fmt: skip
     assert said.status == 2
-    assert "--data.skip-missing" in said.err
+    assert "--data.skip-bad" in said.err
 
 
 def test_driven_path_lies_on_the_road_ahead(index: SampleIndex) -> None:

@@ -9,9 +9,10 @@ import torch
 
 from lss_core.camera import project
 from lss_core.config import CAMERAS, DataConfig
-from lss_core.data.dataset import CameraDataset, ego_from_camera, usable_rows
+from lss_core.data.dataset import CameraDataset, ego_from_camera
 from lss_core.data.lidar import load_scans, load_sweep
 from lss_core.data.samples import SampleIndex, load_index, rows_of_split
+from lss_core.data.usable import Needs, usable_rows
 from lss_core.errors import DataError
 from lss_core.geometry import apply, invert
 from lss_core.grid import BevGrid
@@ -180,9 +181,9 @@ def test_network_input_of_the_real_sample(
 
 
 def test_later_samples_lack_images(index: SampleIndex, rows: np.ndarray, real_root: Path) -> None:
-    with pytest.raises(DataError, match="38 of 39 samples lack images"):
-        usable_rows(index, real_root, rows, skip_missing=False)
-    assert usable_rows(index, real_root, rows, skip_missing=True).tolist() == [rows[0]]
+    with pytest.raises(DataError, match="38 of 39 samples cannot be used"):
+        usable_rows(index, real_root, rows, skip_bad=False)
+    assert usable_rows(index, real_root, rows, skip_bad=True).rows.tolist() == [rows[0]]
 
 
 def test_pillars_of_the_real_sweep(index: SampleIndex, rows: np.ndarray, real_root: Path) -> None:
@@ -211,6 +212,8 @@ def test_earlier_scans_are_missed_by_name(
     index: SampleIndex, rows: np.ndarray, real_root: Path
 ) -> None:
     """Only one sweep of the scene is in the folder."""
-    assert usable_rows(index, real_root, rows[:1], False, lidar_scans=1).tolist() == [rows[0]]
-    with pytest.raises(DataError, match=r"lack lidar sweeps: .*LIDAR_TOP"):
-        usable_rows(index, real_root, rows, False, lidar_scans=10)
+    assert usable_rows(index, real_root, rows[:1], False, Needs(False, 1)).rows.tolist() == [
+        rows[0]
+    ]
+    with pytest.raises(DataError, match=r"cannot be used.*LIDAR_TOP"):
+        usable_rows(index, real_root, rows, False, Needs(False, 10))

@@ -298,21 +298,35 @@ def test_dangling_token_is_named(tiny_copy: Path, own_cache: Path, table: str, f
 @pytest.mark.parametrize(
     ("table", "field", "value", "message"),
     [
-        ("ego_pose", "rotation", [0.0, 0.0, 0.0, 0.0], "quaternion"),
-        ("ego_pose", "rotation", [1.0, 0.0, 0.0, math.nan], "quaternion"),
-        ("calibrated_sensor", "rotation", [0.0, 0.0, 0.0, 0.0], "quaternion"),
+        ("ego_pose", "rotation", [0.0, 0.0, 0.0, 0.0], "rotation"),
+        ("ego_pose", "rotation", [1.0, 0.0, 0.0, math.nan], "rotation"),
+        ("calibrated_sensor", "rotation", [0.0, 0.0, 0.0, 0.0], "rotation"),
         ("calibrated_sensor", "camera_intrinsic", [], "three rows"),
         ("calibrated_sensor", "camera_intrinsic", [[1.0, 2.0, 3.0]] * 2, "three rows"),
     ],
 )
-def test_bad_numbers_are_refused(
+def test_bad_numbers_are_a_problem_of_what_they_belong_to(
     tiny_copy: Path, own_cache: Path, table: str, field: str, value: Any, message: str
 ) -> None:
     records = read_table(tiny_copy, table)
-    records[-1][field] = value
+    records[-1][field] = value  # of the last scene
     write_table(tiny_copy, table, records)
-    with pytest.raises(DataError, match=f"bad number.*{message}"):
-        load_index(tiny_copy, VERSION, CAMERAS[:2])
+    index = load_index(tiny_copy, VERSION, CAMERAS[:2])
+    if table == "ego_pose":
+        assert (index.scene_problem > 0).tolist() == [False, True]
+        number = index.scene_problem[1]
+    else:
+        last_camera = np.flatnonzero(index.camera_problem[:, 1])
+        np.testing.assert_array_equal(last_camera, np.flatnonzero(index.sample_scene == 1))
+        assert (index.camera_problem[:, 0] == 0).all()
+        number = index.camera_problem[-1, 1]
+    what = index.problem(int(number)).what
+    assert what.startswith(f"record '{records[-1]['token']}' of {VERSION}/{table}.json has ")
+    assert message in what
+    # Nothing else of the index is harmed.
+    for f in fields(SampleIndex):
+        if getattr(index, f.name).dtype.kind == "f":
+            assert np.isfinite(getattr(index, f.name)).all()
 
 
 def test_no_scene_at_all_is_refused(tiny_copy: Path, own_cache: Path) -> None:
@@ -322,12 +336,16 @@ def test_no_scene_at_all_is_refused(tiny_copy: Path, own_cache: Path) -> None:
         load_index(tiny_copy, VERSION, CAMERAS[:2])
 
 
-def test_scene_without_any_record_has_no_samples(tiny_copy: Path, own_cache: Path) -> None:
+def test_scene_without_any_record_has_a_problem(tiny_copy: Path, own_cache: Path) -> None:
     kept = [r for r in read_table(tiny_copy, "sample_data") if "scene-0003" not in r["token"]]
     write_table(tiny_copy, "sample_data", kept)
     index = load_index(tiny_copy, VERSION, CAMERAS[:2])
-    assert set(index.sample_scene.tolist()) == {0}
+    assert (np.bincount(index.sample_scene) == KEYFRAMES_A_SCENE).all()
     assert index.track(1) == slice(SWEEPS_A_SCENE, SWEEPS_A_SCENE)
+    assert index.scene_problem[0] == 0
+    problem = index.problem(int(index.scene_problem[1]))
+    assert problem.reason == "scene without poses"
+    assert "'token-scene-0003'" in problem.what
 
 
 def test_nothing_can_be_written_to(tiny_copy: Path, own_cache: Path) -> None:

@@ -322,6 +322,11 @@ def _index_of_track(times_s: np.ndarray, x_m: np.ndarray) -> SampleIndex:
         track_yaw_rad=np.zeros_like(x_m),
         global_from_track=np.tile(np.eye(4), (len(times_s), 1, 1)),
         sweep_path=np.full(len(times_s), b""),
+        problem_reason=np.asarray([""]),
+        problem_text=np.asarray([""]),
+        scene_problem=np.zeros(1, dtype=np.int64),
+        camera_problem=np.zeros((num, 1), dtype=np.int64),
+        lidar_problem=np.zeros(num, dtype=np.int64),
     )
 
 

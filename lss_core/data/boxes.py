@@ -6,10 +6,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from lss_core.data.problems import transform_flaws
 from lss_core.data.samples import SampleIndex
 from lss_core.data.tables import (
     ANNOTATION_TABLES,
     Annotation,
+    ByToken,
     Category,
     Instance,
     read_pieces,
@@ -22,6 +24,7 @@ from lss_core.geometry import FloatArray, rigid_from_quaternion, yaw_of
 # Barriers, cones and debris stand at the edge of the road or on it, and may be driven through;
 # animals and bicycle racks are few.
 KINDS = ("vehicle.", "human.")
+_LONGEST_M = 1000.0
 
 
 @dataclass(frozen=True)
@@ -74,26 +77,24 @@ def read_boxes(folder: Path, index: SampleIndex, scenes: NDArray[np.int64]) -> B
         scenes: Rows of the wanted scenes in the index.
 
     Raises:
-        DataError: If a table cannot be read, a token leads nowhere or a number is none.
+        DataError: If a table cannot be read, a token leads nowhere or a box cannot be.
     """
-    try:
-        return _read(folder, index, scenes)
-    except KeyError as error:
-        raise DataError(
-            f"The tables of '{folder}' do not fit together: no record {error}."
-        ) from error
-    except ValueError as error:
-        path = table_path(folder, Annotation)
-        raise DataError(f"The table '{path}' holds a bad number: {error}") from error
+    return _read(folder, index, scenes)
 
 
 def _read(folder: Path, index: SampleIndex, scenes: NDArray[np.int64]) -> Boxes:
-    kind = {category.token: category.name for category in read_table(folder, Category)}
-    kind_of = {
-        instance.token: kind[instance.category_token]
-        for piece in read_pieces(folder, Instance)
-        for instance in piece
-    }
+    categories = read_table(folder, Category)
+    kind = ByToken(folder, Category, Instance, ((c.token, c.name) for c in categories))
+    kind_of = ByToken(
+        folder,
+        Instance,
+        Annotation,
+        (
+            (instance.token, kind[instance.category_token])
+            for piece in read_pieces(folder, Instance)
+            for instance in piece
+        ),
+    )
     wanted = np.flatnonzero(np.isin(index.sample_scene, scenes))
     tokens = index.sample_token[wanted].tolist()
     row_of = dict(zip(tokens, wanted.tolist(), strict=True))
@@ -115,8 +116,8 @@ def _read(folder: Path, index: SampleIndex, scenes: NDArray[np.int64]) -> Boxes:
                 category.append(kind_of[record.instance_token])
             number.append(number_of[key])
         sample.append(np.asarray(rows, dtype=np.int64))
-        pose.append(_poses(own))
-        size_m.append(_sizes(own))
+        pose.append(_poses(folder, own))
+        size_m.append(_sizes(folder, own))
     if not sample:
         return _none(annotated)
     scene_of = np.asarray([scene for scene, _ in number_of], dtype=np.int64)
@@ -139,26 +140,36 @@ def _read(folder: Path, index: SampleIndex, scenes: NDArray[np.int64]) -> Boxes:
     )
 
 
-def _poses(records: list[Annotation]) -> FloatArray:
+def _poses(folder: Path, records: list[Annotation]) -> FloatArray:
     """[R, 3] x, y and heading."""
-    global_from_box = rigid_from_quaternion(
-        np.asarray([record.translation for record in records]),
-        np.asarray([record.rotation for record in records]),
-    )
+    translation_m = np.asarray([record.translation for record in records])
+    quaternion = np.asarray([record.rotation for record in records])
+    for record, flaw in zip(
+        records, transform_flaws(translation_m, quaternion, is_mounting=False), strict=True
+    ):
+        if flaw:
+            raise _bad(folder, record, flaw)
+    global_from_box = rigid_from_quaternion(translation_m, quaternion)
     poses: FloatArray = np.concatenate(
         [global_from_box[:, :2, 3], yaw_of(global_from_box)[:, None]], axis=1
     )
-    if not np.isfinite(poses).all():
-        raise ValueError("a translation is not finite.")
     return poses
 
 
-def _sizes(records: list[Annotation]) -> FloatArray:
+def _sizes(folder: Path, records: list[Annotation]) -> FloatArray:
     """[R, 2] length and width, which the table has the other way round."""
     sizes_m: FloatArray = np.asarray([record.size for record in records])[:, [1, 0]]
-    if not (np.isfinite(sizes_m) & (sizes_m > 0.0)).all():
-        raise ValueError("a size is not above 0.")
+    # Comparisons with what is no number are false.
+    good = ((sizes_m > 0.0) & (sizes_m < _LONGEST_M)).all(axis=-1)
+    if not good.all():
+        record = records[int(good.argmin())]
+        raise _bad(folder, record, f"size {list(record.size)} m")
     return sizes_m
+
+
+def _bad(folder: Path, record: Annotation, flaw: str) -> DataError:
+    path = table_path(folder, Annotation)
+    return DataError(f"Record '{record.token}' of the table '{path}' has {flaw}; mend it.")
 
 
 def _none(annotated: NDArray[np.bool_]) -> Boxes:

@@ -1,7 +1,7 @@
 """One sample of the index -> one Batch item."""
 
-import functools
-import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +13,11 @@ from torch.utils.data import Dataset
 from lss_core.batch import Batch
 from lss_core.config import DataConfig
 from lss_core.data.images import draw_pixel_map, load_image, open_image
-from lss_core.data.lidar import load_scans, recent_sweeps
+from lss_core.data.lidar import load_scans
 from lss_core.data.samples import SampleIndex
+from lss_core.data.usable import Needs, check_row
 from lss_core.errors import DataError
 from lss_core.geometry import FloatArray, invert
-
-logger = logging.getLogger(__name__)
 
 
 def ego_from_camera(index: SampleIndex, row: int, ego_motion: bool = True) -> FloatArray:
@@ -36,63 +35,26 @@ def ego_from_camera(index: SampleIndex, row: int, ego_motion: bool = True) -> Fl
     return np.where(index.has_camera[row][:, None, None], ego_from_egocam @ mounting, mounting)
 
 
-def usable_rows(
-    index: SampleIndex,
-    root: Path,
-    rows: NDArray[np.int64],
-    skip_missing: bool,
-    lidar_scans: int = 0,
-) -> NDArray[np.int64]:
-    """The samples whose files are all on disk; a camera that the tables do not list may be absent.
-
-    Args:
-        index: Of the data set.
-        root: Its folder.
-        rows: [R] samples to look at.
-        skip_missing: Leave out samples with absent files and say how many, instead of stopping.
-        lidar_scans: Look for this many lidar scans instead of images.
+def raw_hw(index: SampleIndex, root: Path, row: int, camera: int) -> tuple[int, int]:
+    """Height and width of an image: what the tables say, else what the file says.
 
     Raises:
-        DataError: If a file is absent (or a sample has no image or sweep at all) and `skip_missing`
-            is off, or if nothing is left.
+        DataError: If the file is asked and cannot tell.
     """
-    present = np.ones(len(rows), dtype=bool)
-    what = "lidar sweeps" if lidar_scans else "images"
-    example = ""
-    is_file = functools.cache(lambda path: (root / path).is_file())
-    for i, row in enumerate(rows.tolist()):
-        paths = _sensor_files(index, row, lidar_scans)
-        absent = [path for path in paths if not is_file(path)]
-        if absent or not paths:
-            present[i] = False
-            token = index.sample_token[row]
-            example = example or (
-                f"'{root / absent[0]}' is missing" if absent else f"sample {token} has no {what}"
-            )
-    left_out = int((~present).sum())
-    if left_out and not skip_missing:
-        raise DataError(
-            f"{left_out} of {len(rows)} samples lack {what}: {example}; complete the data set or "
-            "leave such samples out with --data.skip-missing."
-        )
-    if left_out == len(rows):
-        raise DataError(f"None of {len(rows)} samples has all its {what}: {example}.")
-    if left_out:
-        logger.warning(
-            "Left out %d of %d samples without %s: %s.", left_out, len(rows), what, example
-        )
-    usable: NDArray[np.int64] = rows[present]
-    return usable
+    height, width = (int(side) for side in index.image_hw[row, camera])
+    if height > 0 and width > 0:
+        return height, width
+    width, height = open_image(root / index.image_path[row, camera]).size
+    return height, width
 
 
-def _sensor_files(index: SampleIndex, row: int, lidar_scans: int) -> list[str]:
-    """What a planner reads of a sample, relative to the data root."""
-    if not lidar_scans:
-        paths: list[str] = index.image_path[row][index.has_camera[row]].tolist()
-        return paths
-    if not index.lidar_path[row]:
-        return []
-    return [index.sweep_path[sweep].decode() for sweep in recent_sweeps(index, row, lidar_scans)]
+@contextmanager
+def _naming(index: SampleIndex, row: int) -> Iterator[None]:
+    """Say which sample it was."""
+    try:
+        yield
+    except DataError as error:
+        raise DataError(f"Sample {index.sample_token[row]}: {error.sentence}") from error
 
 
 class CameraDataset(Dataset[Batch]):
@@ -132,10 +94,15 @@ class CameraDataset(Dataset[Batch]):
         """The sample at a position, without batch dimension.
 
         Raises:
-            DataError: If an image is missing or damaged.
+            DataError: If a record or a file of it cannot be used.
         """
         position, draw = item
         row = int(self.rows[position])
+        check_row(self.index, row, Needs.of_planner(0, self.with_points))
+        with _naming(self.index, row):
+            return self._item(row, draw)
+
+    def _item(self, row: int, draw: int) -> Batch:
         rng = np.random.default_rng((self.seed, draw)) if draw >= 0 else None
         num = len(self.index.cameras)
         size = self.config.image
@@ -143,9 +110,10 @@ class CameraDataset(Dataset[Batch]):
         pixel_from_camera = np.tile(np.eye(3), (num, 1, 1))
         mask = self._kept_cameras(row, rng)
         for n in range(num):
-            raw_hw = self._raw_hw(row, n) if self.index.has_camera[row, n] else (900, 1600)
+            is_there = self.index.has_camera[row, n]
+            side_px = raw_hw(self.index, self.root, row, n) if is_there else (900, 1600)
             # Drawn for every camera, so that a dropped one does not change the others.
-            pixel_map = draw_pixel_map(size, raw_hw, rng)
+            pixel_map = draw_pixel_map(size, side_px, rng)
             if not mask[n]:
                 continue
             images[n] = load_image(self.root / self.index.image_path[row, n], pixel_map)
@@ -164,13 +132,6 @@ class CameraDataset(Dataset[Batch]):
             points=torch.from_numpy(points),
             point_counts=torch.tensor(len(points)),
         )
-
-    def _raw_hw(self, row: int, camera: int) -> tuple[int, int]:
-        height, width = (int(side) for side in self.index.image_hw[row, camera])
-        if height > 0 and width > 0:
-            return height, width
-        width, height = open_image(self.root / self.index.image_path[row, camera]).size
-        return height, width
 
     def _kept_cameras(self, row: int, rng: np.random.Generator | None) -> NDArray[np.bool_]:
         """Which cameras are shown; at least one always is."""
@@ -212,10 +173,12 @@ class LidarDataset(Dataset[Batch]):
         """The sample at a position, without batch dimension.
 
         Raises:
-            DataError: If a sweep is missing or damaged.
+            DataError: If a record or a file of it cannot be used.
         """
         row = int(self.rows[item[0]])
-        points = load_scans(self.index, Path(self.config.root), row, self.config.lidar_scans)
+        check_row(self.index, row, Needs.of_planner(self.config.lidar_scans))
+        with _naming(self.index, row):
+            points = load_scans(self.index, Path(self.config.root), row, self.config.lidar_scans)
         return Batch(
             images=torch.zeros(0, 3, 1, 1),
             pixel_from_camera=torch.zeros(0, 3, 3),

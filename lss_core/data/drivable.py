@@ -1,5 +1,6 @@
 """Where cars may drive: the drivable area of nuScenes' map expansion."""
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from lss_core.data.file_names import is_plain
 from lss_core.data.tables import decode_json
 from lss_core.errors import DataError
 from lss_core.geometry import FloatArray
@@ -73,8 +75,22 @@ class DrivableArea:
 
 
 def map_path(root: Path, location: str) -> Path:
-    """Where a data set has the map expansion of a location."""
+    """Where a data set has the map expansion of a location.
+
+    Raises:
+        DataError: If the location is no name of a file.
+    """
+    if not is_plain(location):
+        raise DataError(
+            f"The location '{location}' of the log table cannot be the name of a map's file; name "
+            "it otherwise there."
+        )
     return root / "maps" / "expansion" / f"{location}.json"
+
+
+def has_map(root: Path, location: str) -> bool:
+    """Whether a data set has the map expansion of a location."""
+    return is_plain(location) and map_path(root, location).is_file()
 
 
 def load_drivable_area(root: Path, location: str) -> DrivableArea:
@@ -85,7 +101,7 @@ def load_drivable_area(root: Path, location: str) -> DrivableArea:
         location: As the `log` table names it.
 
     Raises:
-        DataError: If the map is missing or damaged.
+        DataError: If the map is missing or damaged, or the location is no name of a file.
     """
     path = map_path(root, location)
     anew = "unpack the nuScenes map expansion (nuScenes-map-expansion-v1.3.zip)"
@@ -98,12 +114,15 @@ def load_drivable_area(root: Path, location: str) -> DrivableArea:
         raise DataError(f"The map '{path}' cannot be read: {error}.") from error
     except KeyError as error:
         raise DataError(f"The map '{path}' is damaged (no record {error}); {anew} anew.") from error
-    except (ValueError, RecursionError) as error:
+    except (ValueError, OverflowError, RecursionError, shapely.errors.ShapelyError) as error:
         raise DataError(f"The map '{path}' is damaged ({error}); {anew} anew.") from error
 
 
 def _polygons(layers: _Map) -> list[shapely.Polygon]:
     place = {node.token: (node.x, node.y) for node in layers.node}
+    lost = next((token for token, xy in place.items() if not all(map(math.isfinite, xy))), None)
+    if lost is not None:
+        raise ValueError(f"node '{lost}' has no place")
     polygon_of = {polygon.token: polygon for polygon in layers.polygon}
     polygons = []
     # Several areas may share a polygon.

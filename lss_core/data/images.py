@@ -1,12 +1,13 @@
 """Image files to network input, together with the pixel map that was applied."""
 
 import math
+import struct
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, UnidentifiedImageError
 
 from lss_core.camera import crop_map, flip_map, resize_map, rotate_map
 from lss_core.config import ImageConfig
@@ -15,6 +16,9 @@ from lss_core.geometry import FloatArray
 
 # Fixed here because resampling filters change accuracy between library versions.
 _FILTER = Image.Resampling.BILINEAR
+_FORMATS = ("JPEG", "PNG")
+# Pillow's names for broken chunks.
+_DAMAGE = (OSError, SyntaxError, ValueError, TypeError, EOFError, LookupError, struct.error)
 
 
 @dataclass(frozen=True)
@@ -80,16 +84,19 @@ def draw_pixel_map(
 
 
 def open_image(path: Path) -> Image.Image:
-    """The image file, not yet decoded.
+    """The image file, a JPEG or PNG, not yet decoded.
 
     Raises:
-        DataError: If it is missing or no image.
+        DataError: If it is missing or no such image.
     """
     try:
-        return Image.open(path)
+        # Of what else Pillow opens some is handed to other programs.
+        return Image.open(path, formats=_FORMATS)
     except FileNotFoundError as error:
         raise DataError(f"The image '{path}' is missing; is the data set complete?") from error
-    except OSError as error:
+    except UnidentifiedImageError as error:
+        raise DataError(f"The image '{path}' is no JPEG or PNG, or is damaged.") from error
+    except (*_DAMAGE, Image.DecompressionBombError) as error:
         raise DataError(f"The image '{path}' cannot be read: {error}.") from error
 
 
@@ -120,7 +127,7 @@ def load_image(path: Path, pixel_map: PixelMap) -> NDArray[np.uint8]:
     try:
         image = image if image.mode == "RGB" else image.convert("RGB")
         image = image.resize((kept[2] - kept[0], kept[3] - kept[1]), _FILTER, box=box)
-    except (OSError, SyntaxError, ValueError) as error:  # Pillow's names for broken chunks
+    except _DAMAGE as error:
         raise DataError(f"The image '{path}' is damaged: {error}.") from error
     height, width = pixel_map.image_hw
     left, top = pixel_map.left_px - kept[0], pixel_map.top_px - kept[1]

@@ -6,19 +6,24 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from lss_core.data.file_names import leads_astray
+from lss_core.data.problems import Problem, is_side, is_time, problem_of
 from lss_core.data.tables import (
+    ByToken,
     CalibratedSensor,
-    EgoPose,
     Log,
+    Record,
     Sample,
     SampleData,
     Scene,
     Sensor,
     read_pieces,
     read_table,
+    table_path,
 )
+from lss_core.data.transforms import ego_poses, intrinsics, mountings
 from lss_core.errors import DataError
-from lss_core.geometry import FloatArray, rigid_from_quaternion
+from lss_core.geometry import FloatArray
 
 # Columns of channels: the cameras' follow that of the lidar.
 LIDAR, _OTHER, _UNSEEN = 0, -1, -2
@@ -32,11 +37,13 @@ class Frames:
         sample: [F] row of its sample.
         channel: [F] 0 for LIDAR_TOP, from 1 on for the cameras asked for, -1 for others.
         is_key: [F].
-        time_us: [F].
+        time_us: [F] 0 if it is none.
         calibration: [F] row of its calibration.
         pose_token: Of the car at its time.
         filename: Of keyframes and LIDAR_TOP sweeps; empty for others.
         image_hw: [F, 2] 0 where the table has none.
+        time_problems: What is wrong with the time, by frame.
+        size_problems: What is wrong with the image size, by frame.
     """
 
     sample: NDArray[np.int64]
@@ -47,11 +54,15 @@ class Frames:
     pose_token: list[str]
     filename: list[str]
     image_hw: NDArray[np.int64]
+    time_problems: dict[int, Problem]
+    size_problems: dict[int, Problem]
 
 
 @dataclass(frozen=True)
 class JoinedTables:
-    """What the tables say of C scenes, S samples and F frames.
+    """What the tables say of C scenes, S samples, F frames and K calibrations.
+
+    What cannot be used of them has a problem, and harmless numbers: it stands still at the origin.
 
     Attributes:
         scenes: C records.
@@ -65,9 +76,14 @@ class JoinedTables:
         rawpixel_from_camera: [K, 3, 3] of each calibration; zero if no camera's keyframe has it.
         lidar: [S] frame of its LIDAR_TOP keyframe; -1 where there is none.
         images: [S, N] frame of its keyframe of each camera; -1 where there is none.
+        in_track: [F] whether a track has the frame, or would have it if it had no problem.
         track: [P] frames whose poses are the tracks of the scenes, one scene after the other, each
-            increasing in time.
+            increasing in time; those with a problem are none of them.
         track_start: [C + 1] where each scene's begin in `track`.
+        sample_problems: What is wrong with the time of a sample that needs it, by row.
+        pose_problems: What is wrong with time or pose, by frame.
+        mounting_problems: What is wrong with `ego_from_sensor`, by row.
+        intrinsics_problems: What is wrong with `rawpixel_from_camera`, by row.
     """
 
     scenes: list[Scene]
@@ -80,8 +96,13 @@ class JoinedTables:
     rawpixel_from_camera: FloatArray
     lidar: NDArray[np.int64]
     images: NDArray[np.int64]
+    in_track: NDArray[np.bool_]
     track: NDArray[np.int64]
     track_start: NDArray[np.int64]
+    sample_problems: dict[int, Problem]
+    pose_problems: dict[int, Problem]
+    mounting_problems: dict[int, Problem]
+    intrinsics_problems: dict[int, Problem]
 
 
 def join_tables(folder: Path, cameras: tuple[str, ...]) -> JoinedTables:
@@ -93,7 +114,7 @@ def join_tables(folder: Path, cameras: tuple[str, ...]) -> JoinedTables:
 
     Raises:
         DataError: If a table cannot be read, a camera is unknown, there is no sample, a token leads
-            nowhere or a number is none.
+            nowhere or a file's name out of the data root.
     """
     sensors = {sensor.token: sensor.channel for sensor in read_table(folder, Sensor)}
     unknown = [camera for camera in cameras if camera not in sensors.values()]
@@ -105,14 +126,7 @@ def join_tables(folder: Path, cameras: tuple[str, ...]) -> JoinedTables:
     scenes, samples = read_table(folder, Scene), read_table(folder, Sample)
     if not scenes or not samples:
         raise DataError(f"The tables of '{folder}' hold no scene with samples.")
-    try:
-        return _join(folder, cameras, sensors, scenes, samples)
-    except KeyError as error:
-        raise DataError(
-            f"The tables of '{folder}' do not fit together: no record {error}."
-        ) from error
-    except (ValueError, OverflowError) as error:
-        raise DataError(f"The tables of '{folder}' hold a bad number: {error}") from error
+    return _join(folder, cameras, sensors, scenes, samples)
 
 
 def _join(
@@ -122,8 +136,10 @@ def _join(
     scenes: list[Scene],
     samples: list[Sample],
 ) -> JoinedTables:
-    location = {log.token: log.location for log in read_table(folder, Log)}
-    scene_row = {scene.token: row for row, scene in enumerate(scenes)}
+    location = ByToken(
+        folder, Log, Scene, ((log.token, log.location) for log in read_table(folder, Log))
+    )
+    scene_row = _rows_of(folder, scenes, Sample)
     sample_scene = np.asarray([scene_row[sample.scene_token] for sample in samples], dtype=np.int64)
     calibrations = read_table(folder, CalibratedSensor)
     reader = _FrameReader(folder, sensors, samples, calibrations, cameras)
@@ -134,21 +150,67 @@ def _join(
         frames = reader.read(~has_lidar[sample_scene])
     keyframe = _keyframes(frames, len(samples), len(reader.columns))
     images = keyframe[:, [reader.columns[camera] for camera in cameras]]
-    track, track_start = _tracks(frames, sample_scene, has_lidar)
+    global_from_ego, pose_problems = ego_poses(folder, frames.pose_token)
+    pose_problems |= frames.time_problems
+    frame_scene = sample_scene[frames.sample]
+    in_track = (frames.channel == LIDAR) | ~has_lidar[frame_scene]
+    is_sound = in_track.copy()
+    is_sound[list(pose_problems)] = False
+    track, track_start = _tracks(frames.time_us / 1e6, frame_scene, is_sound, len(scenes))
+    ego_from_sensor, bad_mountings = mountings(folder, calibrations, _used(frames, keyframe))
+    rawpixel_from_camera, bad_intrinsics = intrinsics(folder, calibrations, _used(frames, images))
     return JoinedTables(
         scenes=scenes,
         locations=[location[scene.log_token] for scene in scenes],
         samples=samples,
         sample_scene=sample_scene,
         frames=frames,
-        global_from_ego=_poses(folder, frames.pose_token),
-        ego_from_sensor=_mountings(calibrations, _used(frames, keyframe)),
-        rawpixel_from_camera=_intrinsics(calibrations, _used(frames, images)),
+        global_from_ego=global_from_ego,
+        ego_from_sensor=ego_from_sensor,
+        rawpixel_from_camera=rawpixel_from_camera,
         lidar=keyframe[:, LIDAR],
         images=images,
+        in_track=in_track,
         track=track,
         track_start=track_start,
+        sample_problems=_sample_problems(folder, samples, keyframe[:, LIDAR]),
+        pose_problems=pose_problems,
+        mounting_problems=bad_mountings,
+        intrinsics_problems=bad_intrinsics,
     )
+
+
+def _rows_of(
+    folder: Path, records: list[Scene] | list[Sample], asked_by: type[Record]
+) -> ByToken[int]:
+    """Rows of records by token, of which there is one each."""
+    kind = type(records[0])
+    pairs = ((record.token, row) for row, record in enumerate(records))
+    rows = ByToken(folder, kind, asked_by, pairs)
+    if len(rows) < len(records):
+        double = next(r.token for row, r in enumerate(records) if rows[r.token] != row)
+        raise DataError(
+            f"The table '{table_path(folder, kind)}' has several records '{double}'; unpack it "
+            "anew."
+        )
+    return rows
+
+
+def _sample_problems(
+    folder: Path, samples: list[Sample], lidar: NDArray[np.int64]
+) -> dict[int, Problem]:
+    """Of samples without a lidar keyframe: only theirs is the time of the sample."""
+    rows = np.flatnonzero(lidar < 0)
+    times_us = np.asarray([samples[row].timestamp for row in rows.tolist()], dtype=np.float64)
+    return {
+        int(row): _bad_time(folder, samples[row], samples[row].timestamp)
+        for row in rows[~is_time(times_us)]
+    }
+
+
+def _bad_time(folder: Path, record: Record, time_us: float) -> Problem:
+    flaw = f"timestamp {time_us:g} microseconds"
+    return problem_of("impossible time stamp", folder, type(record), record.token, flaw)
 
 
 class _FrameReader:
@@ -163,10 +225,15 @@ class _FrameReader:
         cameras: tuple[str, ...],
     ) -> None:
         self._folder = folder
-        self._sensors = sensors
+        self._sensors = ByToken(folder, Sensor, CalibratedSensor, sensors.items())
         self._calibrations = calibrations
-        self._sample_row = {sample.token: row for row, sample in enumerate(samples)}
-        self._calibration_row = {record.token: row for row, record in enumerate(calibrations)}
+        self._sample_row = _rows_of(folder, samples, SampleData)
+        self._calibration_row = ByToken(
+            folder,
+            CalibratedSensor,
+            SampleData,
+            ((record.token, row) for row, record in enumerate(calibrations)),
+        )
         self._column = np.full(len(calibrations), _UNSEEN, dtype=np.int64)
         channels = dict.fromkeys(("LIDAR_TOP", *cameras))
         self.columns = {name: column for column, name in enumerate(channels)}
@@ -174,6 +241,7 @@ class _FrameReader:
     def read(self, whole: NDArray[np.bool_]) -> Frames:
         """Keyframes and lidar sweeps; all frames of samples [S] that are wanted whole."""
         parts = [self._part(piece, whole) for piece in read_pieces(self._folder, SampleData)]
+        starts = np.cumsum([0, *(len(part.sample) for part in parts)]).tolist()
         return Frames(
             sample=np.concatenate([part.sample for part in parts]),
             channel=np.concatenate([part.channel for part in parts]),
@@ -183,6 +251,8 @@ class _FrameReader:
             pose_token=[token for part in parts for token in part.pose_token],
             filename=[name for part in parts for name in part.filename],
             image_hw=np.concatenate([part.image_hw for part in parts]),
+            time_problems=_shifted([part.time_problems for part in parts], starts),
+            size_problems=_shifted([part.size_problems for part in parts], starts),
         )
 
     def _part(self, records: list[SampleData], whole: NDArray[np.bool_]) -> Frames:
@@ -195,21 +265,50 @@ class _FrameReader:
         is_key = np.asarray([bool(r.is_key_frame) for r in records], dtype=bool)
         kept = np.flatnonzero((channel == LIDAR) | (is_key & (channel != _OTHER)) | whole[sample])
         own = [records[row] for row in kept.tolist()]
+        channel, is_key = channel[kept], is_key[kept]
+        opened = is_key | (channel == LIDAR)
+        filename = [
+            r.filename if is_opened else ""
+            for r, is_opened in zip(own, opened.tolist(), strict=True)
+        ]
+        self._check_names(own, filename)
+        time_us = np.asarray([r.timestamp for r in own], dtype=np.float64)
+        image_hw = np.asarray([(r.height or 0, r.width or 0) for r in own], dtype=np.float64)
+        image_hw = image_hw.reshape(-1, 2)
+        # Sizes are of images that are looked at; a lidar may have what it likes.
+        bad_size = is_key & (channel > LIDAR) & ~is_side(image_hw).all(axis=-1)
+        bad_time = ~is_time(time_us)
         return Frames(
             sample=sample[kept],
-            channel=channel[kept],
-            is_key=is_key[kept],
-            time_us=np.asarray([r.timestamp for r in own], dtype=np.float64),
+            channel=channel,
+            is_key=is_key,
+            time_us=np.where(bad_time, 0.0, time_us),
             calibration=calibration[kept],
             pose_token=[r.ego_pose_token for r in own],
-            filename=[
-                r.filename if r.is_key_frame or is_lidar else ""
-                for r, is_lidar in zip(own, (channel[kept] == LIDAR).tolist(), strict=True)
-            ],
-            image_hw=np.asarray(
-                [(int(r.height or 0), int(r.width or 0)) for r in own], dtype=np.int64
-            ).reshape(-1, 2),
+            filename=filename,
+            image_hw=np.where(is_side(image_hw), image_hw, 0).astype(np.int64),
+            time_problems={
+                row: _bad_time(self._folder, own[row], own[row].timestamp)
+                for row in np.flatnonzero(bad_time).tolist()
+            },
+            size_problems={
+                row: self._bad_size(own[row]) for row in np.flatnonzero(bad_size).tolist()
+            },
         )
+
+    def _check_names(self, records: list[SampleData], names: list[str]) -> None:
+        """Refuse a data set whose tables name files outside of it."""
+        for record, name in zip(records, names, strict=True):
+            if leads_astray(name):
+                raise DataError(
+                    f"The table '{table_path(self._folder, SampleData)}' is refused: the file name "
+                    f"'{name}' of its record '{record.token}' leads out of the data root or has "
+                    "characters that no file name should have."
+                )
+
+    def _bad_size(self, record: SampleData) -> Problem:
+        flaw = f"width {record.width} and height {record.height}"
+        return problem_of("impossible image size", self._folder, SampleData, record.token, flaw)
 
     def _channels(self, calibration: NDArray[np.int64]) -> NDArray[np.int64]:
         channel: NDArray[np.int64] = self._column[calibration]
@@ -223,6 +322,15 @@ class _FrameReader:
         return channel
 
 
+def _shifted(parts: list[dict[int, Problem]], starts: list[int]) -> dict[int, Problem]:
+    """Problems by row of the whole table rather than of its pieces."""
+    return {
+        start + row: problem
+        for start, part in zip(starts, parts, strict=False)
+        for row, problem in part.items()
+    }
+
+
 def _keyframes(frames: Frames, num_samples: int, num_columns: int) -> NDArray[np.int64]:
     """[S, columns] frame of each sample's keyframe; the last one if there are more."""
     rows = np.flatnonzero(frames.is_key & (frames.channel != _OTHER))
@@ -232,16 +340,15 @@ def _keyframes(frames: Frames, num_samples: int, num_columns: int) -> NDArray[np
 
 
 def _tracks(
-    frames: Frames, sample_scene: NDArray[np.int64], has_lidar: NDArray[np.bool_]
+    time_s: FloatArray, scene: NDArray[np.int64], kept: NDArray[np.bool_], num_scenes: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """[P] frames by scene and time, of several at one time the last; [C + 1] where scenes start."""
-    scene, time_s = sample_scene[frames.sample], frames.time_us / 1e6
-    rows = np.flatnonzero((frames.channel == LIDAR) | ~has_lidar[scene])
+    rows = np.flatnonzero(kept)
     rows = rows[np.lexsort((time_s[rows], scene[rows]))]
     is_last = np.ones(len(rows), dtype=bool)
     is_last[:-1] = (np.diff(time_s[rows]) != 0.0) | (np.diff(scene[rows]) != 0)
     rows = rows[is_last]
-    counts = np.bincount(scene[rows], minlength=len(has_lidar))
+    counts = np.bincount(scene[rows], minlength=num_scenes)
     return rows, np.cumsum([0, *counts], dtype=np.int64)
 
 
@@ -249,46 +356,3 @@ def _used(frames: Frames, rows: NDArray[np.int64]) -> NDArray[np.int64]:
     """Calibrations of some frames; a row of -1 is none."""
     used: NDArray[np.int64] = np.unique(frames.calibration[rows[rows >= 0]])
     return used
-
-
-def _mountings(calibrations: list[CalibratedSensor], used: NDArray[np.int64]) -> FloatArray:
-    """[K, 4, 4] of those calibrations that are used; zero for others, which may hold anything."""
-    mountings = np.zeros((len(calibrations), 4, 4))
-    if len(used):
-        mountings[used] = rigid_from_quaternion(
-            np.asarray([calibrations[row].translation for row in used]),
-            np.asarray([calibrations[row].rotation for row in used]),
-        )
-    return mountings
-
-
-def _intrinsics(calibrations: list[CalibratedSensor], used: NDArray[np.int64]) -> FloatArray:
-    """[K, 3, 3] of those calibrations that are used; zero for others."""
-    intrinsics = np.zeros((len(calibrations), 3, 3))
-    for row in used:
-        matrix = calibrations[row].camera_intrinsic or []
-        if [len(line) for line in matrix] != [3, 3, 3]:
-            raise ValueError(
-                f"camera_intrinsic of '{calibrations[row].token}' must be three rows of three."
-            )
-        intrinsics[row] = matrix
-    return intrinsics
-
-
-def _poses(folder: Path, tokens: list[str]) -> FloatArray:
-    """[F, 4, 4] ego poses of frames, by their tokens."""
-    slot: dict[str, int] = {}
-    slots = [slot.setdefault(token, len(slot)) for token in tokens]
-    translation_m, quaternion = np.zeros((len(slot), 3)), np.zeros((len(slot), 4))
-    found = np.zeros(len(slot), dtype=bool)
-    for piece in read_pieces(folder, EgoPose):
-        own = [record for record in piece if record.token in slot]
-        if own:
-            rows = [slot[record.token] for record in own]
-            translation_m[rows] = [record.translation for record in own]
-            quaternion[rows] = [record.rotation for record in own]
-            found[rows] = True
-    if not found.all():
-        raise KeyError(list(slot)[int(found.argmin())])
-    poses: FloatArray = rigid_from_quaternion(translation_m, quaternion)[slots]
-    return poses

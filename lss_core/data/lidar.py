@@ -11,6 +11,9 @@ from lss_core.errors import DataError
 from lss_core.geometry import FloatArray, apply, invert
 
 _FIELDS = 5  # x, y, z, intensity, ring: nuScenes' own layout
+_POINT_BYTES = 4 * _FIELDS
+# Of metres and intensity. Sensors write what is no number, or a huge one, where nothing came back.
+_LARGEST = 10_000.0
 # Nearer returns, measured over ground from the lidar, are from the car that carries it.
 _OWN_CAR_M = 2.2
 
@@ -19,7 +22,7 @@ def load_sweep(index: SampleIndex, root: Path, row: int) -> FloatArray:
     """[P, 3] points of a sample's keyframe sweep, metres, in `ego`.
 
     Raises:
-        DataError: If the sample has no sweep, or its file is missing or cut off.
+        DataError: If the sample has no sweep, or its file is missing or damaged.
     """
     name = str(index.lidar_path[row])
     if not name:
@@ -54,7 +57,8 @@ def load_scans(
     """Points of a sample's sweep and those before it, as if the car had stood still meanwhile.
 
     The car's own motion between the sweeps is undone; what else moves leaves a trail, which the age
-    of each point tells apart. Returns from the car itself are left out.
+    of each point tells apart. Returns from the car itself are left out, and points that have no
+    place: of numbers that are not finite, or beyond 10 km.
 
     Args:
         index: Of the data set.
@@ -66,7 +70,7 @@ def load_scans(
         x, y, z in metres in `ego`, intensity 0 to 255, age in seconds.
 
     Raises:
-        DataError: If the sample has no sweep, or a file is missing or cut off.
+        DataError: If the sample has no sweep, or a file is missing or damaged.
     """
     ego_from_global = invert(index.global_from_ego[row])
     scans = []
@@ -83,11 +87,31 @@ def load_scans(
     return np.concatenate(scans)
 
 
-def _read(path: Path) -> Float[NDArray[np.float32], "P 5"]:
+def check_size(path: Path) -> None:
+    """Look whether a sweep's file can hold whole points.
+
+    Raises:
+        DataError: If it is missing, empty or ends within a point.
+    """
     try:
-        values = np.fromfile(path, dtype=np.float32)
+        num_bytes = path.stat().st_size
     except OSError as error:
         raise DataError(f"The lidar sweep '{path}' cannot be read: {error.strerror}.") from error
-    if len(values) % _FIELDS:
+    if not num_bytes:
+        raise DataError(f"The lidar sweep '{path}' is damaged: it is empty.")
+    if num_bytes % _POINT_BYTES:
         raise DataError(f"The lidar sweep '{path}' is damaged: it ends within a point.")
-    return values.reshape(-1, _FIELDS)
+
+
+def _read(path: Path) -> Float[NDArray[np.float32], "P 5"]:
+    """Points in the lidar's own frame; those without a place or intensity are left out."""
+    check_size(path)
+    try:
+        values: NDArray[np.float32] = np.fromfile(path, dtype=np.float32).reshape(-1, _FIELDS)
+    except OSError as error:
+        raise DataError(f"The lidar sweep '{path}' cannot be read: {error.strerror}.") from error
+    # Comparisons with what is no number are false.
+    values = values[(np.abs(values[:, :4]) <= _LARGEST).all(axis=-1)]
+    if not len(values):
+        raise DataError(f"The lidar sweep '{path}' is damaged: none of its points has a place.")
+    return values

@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 
 from lss_core.data.array_file import map_arrays, save_arrays
 from lss_core.data.joins import LIDAR, JoinedTables, join_tables
+from lss_core.data.problems import Problem
+from lss_core.data.sample_problems import find_problems
 from lss_core.data.splits import scenes_of_split
 from lss_core.data.tables import TABLES
 from lss_core.errors import DataError
@@ -24,7 +26,9 @@ from lss_core.geometry import FloatArray, interpolate_poses
 
 logger = logging.getLogger(__name__)
 
-_FORMAT = 3
+_FORMAT = 4
+# Letters of a description that are kept: one long text would make all of them as wide.
+_SHOWN = 1000
 # Time stamps are whole microseconds but travel as float64 seconds since 1970.
 TIME_TOLERANCE_S = 1e-6
 
@@ -36,7 +40,8 @@ class SampleIndex:
 
     The ego frame of a sample is that of its keyframe LIDAR_TOP sweep (of the sample's own time
     stamp in scenes without lidar). Poses of a scene c are rows `track_start[c]:track_start[c + 1]`,
-    one per LIDAR_TOP sweep, increasing in time.
+    one per LIDAR_TOP sweep, increasing in time. What has a problem is not to be used; its numbers
+    do no harm and mean nothing.
 
     Attributes:
         cameras: [N] channel names.
@@ -64,6 +69,11 @@ class SampleIndex:
         global_from_track: [P, 4, 4] the car at each pose.
         sweep_path: [P] the pose's LIDAR_TOP sweep, relative to the data root, in UTF-8; empty in
             scenes without lidar.
+        problem_reason: [Q] kinds of problems; the first is none.
+        problem_text: [Q] what is wrong, by file and record; the first is empty.
+        scene_problem: [C] which of them a scene's poses have.
+        camera_problem: [S, N] which of them calibration, pose or size of an image have.
+        lidar_problem: [S] which of them the mounting of the lidar has.
     """
 
     cameras: NDArray[np.character]
@@ -90,6 +100,15 @@ class SampleIndex:
     track_yaw_rad: FloatArray
     global_from_track: FloatArray
     sweep_path: NDArray[np.character]
+    problem_reason: NDArray[np.character]
+    problem_text: NDArray[np.character]
+    scene_problem: NDArray[np.int64]
+    camera_problem: NDArray[np.int64]
+    lidar_problem: NDArray[np.int64]
+
+    def problem(self, number: int) -> Problem:
+        """The problem of this number, which is not 0."""
+        return Problem(str(self.problem_reason[number]), str(self.problem_text[number]))
 
     def track(self, scene: int) -> slice:
         """Rows of a scene's poses."""
@@ -193,21 +212,20 @@ def _check_tables(root: Path, version: str) -> list[Path]:
 def _build_index(root: Path, version: str, cameras: tuple[str, ...]) -> SampleIndex:
     logger.info("Reading the tables of %s (once; the index is cached).", root / version)
     tables = join_tables(root / version, cameras)
-    frames, scenes = tables.frames, tables.scenes
-    rows = np.flatnonzero((np.diff(tables.track_start) > 0)[tables.sample_scene])
-    lidar, images = tables.lidar[rows], tables.images[rows]
+    frames, scenes, lidar, images = tables.frames, tables.scenes, tables.lidar, tables.images
     # The row -1 of what is not there reads the last frame, which `where` then passes over.
     has_lidar, has_camera = lidar >= 0, images >= 0
     of_lidar, of_image = has_lidar[:, None, None], has_camera[:, :, None, None]
     filename = np.asarray(frames.filename, dtype=object)
     is_sweep = frames.channel[tables.track] == LIDAR
     mounting, intrinsics = tables.ego_from_sensor, tables.rawpixel_from_camera
-    time_s, global_from_ego = _ego_frames(tables, rows)
+    time_s, global_from_ego = _ego_frames(tables)
     track_pose = tables.global_from_ego[tables.track]
+    problems = find_problems(root / version, tables, time_s, global_from_ego)
     return SampleIndex(
         cameras=np.asarray(cameras),
-        sample_token=np.asarray([tables.samples[row].token for row in rows.tolist()]),
-        sample_scene=tables.sample_scene[rows],
+        sample_token=np.asarray([sample.token for sample in tables.samples]),
+        sample_scene=tables.sample_scene,
         time_s=time_s,
         global_from_ego=global_from_ego,
         has_camera=has_camera,
@@ -221,7 +239,7 @@ def _build_index(root: Path, version: str, cameras: tuple[str, ...]) -> SampleIn
         ego_from_lidar=np.where(of_lidar, mounting[frames.calibration[lidar]], np.eye(4)),
         scene_name=np.asarray([scene.name for scene in scenes]),
         scene_token=np.asarray([scene.token for scene in scenes]),
-        scene_description=np.asarray([scene.description for scene in scenes]),
+        scene_description=np.asarray([scene.description[:_SHOWN] for scene in scenes]),
         scene_location=np.asarray(tables.locations),
         track_start=tables.track_start,
         track_time_s=frames.time_us[tables.track] / 1e6,
@@ -236,25 +254,24 @@ def _build_index(root: Path, version: str, cameras: tuple[str, ...]) -> SampleIn
             ],
             dtype=np.bytes_,
         ),
+        **vars(problems),
     )
 
 
-def _ego_frames(tables: JoinedTables, rows: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
-    """[R] time and [R, 4, 4] `global_from_ego` of samples whose scenes have a track."""
-    lidar, scene = tables.lidar[rows], tables.sample_scene[rows]
-    time_s = np.asarray([tables.samples[row].timestamp for row in rows.tolist()]) / 1e6
-    track_time_s = tables.frames.time_us[tables.track] / 1e6
-    first, end = tables.track_start[scene], tables.track_start[scene + 1]
-    time_s = np.where(
-        lidar >= 0,
-        tables.frames.time_us[lidar] / 1e6,
-        np.clip(time_s, track_time_s[first], track_time_s[end - 1]),
-    )
-    global_from_ego = tables.global_from_ego[lidar]
+def _ego_frames(tables: JoinedTables) -> tuple[FloatArray, FloatArray]:
+    """[S] time and [S, 4, 4] `global_from_ego`; 0 and the identity in scenes without a track."""
+    lidar, scene = tables.lidar, tables.sample_scene
+    # The last one stands for no frame at all.
+    frame_time_s = np.append(tables.frames.time_us, 0.0) / 1e6
+    poses = np.concatenate([tables.global_from_ego, np.eye(4)[None]])
+    time_s, global_from_ego = frame_time_s[lidar], poses[lidar]
     for lacking in np.unique(scene[lidar < 0]):
-        own = (scene == lacking) & (lidar < 0)
-        track = slice(tables.track_start[lacking], tables.track_start[lacking + 1])
-        global_from_ego[own] = interpolate_poses(
-            track_time_s[track], tables.global_from_ego[tables.track[track]], time_s[own]
-        )
+        track = tables.track[tables.track_start[lacking] : tables.track_start[lacking + 1]]
+        own = np.flatnonzero((scene == lacking) & (lidar < 0))
+        if not len(track):
+            continue
+        own_us = np.asarray([tables.samples[row].timestamp for row in own.tolist()])
+        first_s, last_s = frame_time_s[track[[0, -1]]]
+        time_s[own] = np.clip(np.nan_to_num(own_us) / 1e6, first_s, last_s)
+        global_from_ego[own] = interpolate_poses(frame_time_s[track], poses[track], time_s[own])
     return time_s, global_from_ego

@@ -45,6 +45,8 @@ def scenes_of_split(version_folder: Path, split: str) -> tuple[str, ...]:
         return official_scenes(version_folder.name, split)
     try:
         splits = json.loads(override.read_text(encoding="utf-8"))
+        if not isinstance(splits, dict):
+            raise TypeError("it is no object")
         names = splits[split]
         if not isinstance(names, list):
             raise TypeError(f"'{split}' is no list")
@@ -52,7 +54,9 @@ def scenes_of_split(version_folder: Path, split: str) -> tuple[str, ...]:
     except KeyError as error:
         known = ", ".join(sorted(splits))
         raise DataError(f"Unknown split '{split}'; {override} knows {known}.") from error
-    except (ValueError, TypeError) as error:
+    except OSError as error:
+        raise DataError(f"The splits '{override}' cannot be read: {error.strerror}.") from error
+    except (ValueError, TypeError, RecursionError) as error:
         raise DataError(
             f"'{override}' must be a JSON object of split names and lists of scene names: {error}"
         ) from error

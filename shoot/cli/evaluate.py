@@ -7,6 +7,7 @@ from typing import Annotated
 
 import tyro
 
+from lss_core.data.usable import LEFT_OUT, save_left_out
 from shoot.allocation import keep_freed_memory
 from shoot.cli.app import run
 from shoot.cli.render import OtherData
@@ -56,7 +57,7 @@ def evaluate(config: EvaluateConfig) -> Report:
         config.data.root,
         config.data.version,
         config.templates,
-        config.data.skip_missing,
+        config.data.skip_bad,
     )
     keep_freed_memory()
     scored = score(trained, config.split, fast=config.fast)
@@ -64,6 +65,10 @@ def evaluate(config: EvaluateConfig) -> Report:
     print(format_table(report))
     report.save(Path(config.out))
     print(f"Report: {config.out}")
+    left_out = Path(config.out).with_suffix(f".{LEFT_OUT}")
+    save_left_out(left_out, {config.split: scored.samples.left_out})
+    if scored.samples.left_out:
+        print(f"Left out: {len(scored.samples.left_out)} samples, listed in {left_out}")
     if config.html is not None:
         cards = make_cards(trained, scored.samples, scored.log_probs[MODEL])
         write_page(report, cards, _details(config, trained), config.html)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from lss_core.config import CAMERAS
 from lss_core.data.samples import SampleIndex, load_index, rows_of_split
+from lss_core.data.usable import LEFT_OUT, LeftOut, save_left_out, usable_scenes
 from lss_core.errors import DataError
 from lss_core.geometry import FloatArray
 from shoot.cli.app import run
@@ -27,11 +28,13 @@ class DataSource:
         root: Folder that holds the version's folder.
         version: Name of the tables' folder.
         cameras: Channels, as in training: both then share one cached index.
+        skip_bad: Leave out scenes whose poses cannot be, count and list them, instead of stopping.
     """
 
     root: str
     version: str = "v1.0-trainval"
     cameras: tuple[str, ...] = CAMERAS
+    skip_bad: bool = False
 
 
 @dataclass(frozen=True)
@@ -71,7 +74,7 @@ def fit(config: FitTemplatesConfig) -> TemplateSet:
     if out.suffix != ".npz":
         raise DataError(f"The template file must end in .npz, got '{out}'.")
     index = load_index(config.data.root, config.data.version, config.data.cameras)
-    rows = rows_of_split(index, config.data.root, config.data.version, config.split)
+    rows, left_out = _rows(index, config.data, config.split)
     scenes = list(dict.fromkeys(index.sample_scene[rows].tolist()))
     num_starts = sum(len(index.track_time_s[index.track(scene)]) for scene in scenes)
     templates, shown = (_fit_stream if config.stream else _fit_all)(index, rows, config)
@@ -88,7 +91,7 @@ def fit(config: FitTemplatesConfig) -> TemplateSet:
         )
     coverage = {config.split: templates.coverage(shown)}
     try:
-        other = rows_of_split(index, config.data.root, config.data.version, config.coverage_split)
+        other, _ = _rows(index, config.data, config.coverage_split)
         held_out = mine_futures(index, other, "sweeps", config.dask).xy_m
         if config.coverage_split != config.split and len(held_out):
             coverage[config.coverage_split] = templates.coverage(held_out)
@@ -100,9 +103,11 @@ def fit(config: FitTemplatesConfig) -> TemplateSet:
         "num_scenes": len(scenes),
         "starts": "every LIDAR_TOP sweep with 5 s of recorded future",
         "num_left_out": num_left_out,
+        "num_bad_scenes": len(left_out),
         "coverage": {name: asdict(value) for name, value in coverage.items()},
     }
     templates = replace(templates, card=templates.card | card)
+    save_left_out(out.with_suffix(f".{LEFT_OUT}"), {config.split: left_out})
     save_figure(render_templates(templates.points, templates.counts), out.with_suffix(".png"))
     templates.save(out)
     print("Distance of a future to its nearest template (mean over its points, m):")
@@ -112,8 +117,20 @@ def fit(config: FitTemplatesConfig) -> TemplateSet:
             f"  {name:8} {value.count:8d} {value.mean_m:6.2f} {value.median_m:6.2f} "
             f"{value.p95_m:6.2f} {value.max_m:6.2f}"
         )
+    if left_out:
+        print(f"Left out {len(left_out)} scenes, listed in {out.stem}.{LEFT_OUT}.")
     print(f"Wrote {config.k} templates to {out} (card {out.stem}.json, picture {out.stem}.png).")
     return templates
+
+
+def _rows(
+    index: SampleIndex, data: DataSource, split: str
+) -> tuple[NDArray[np.int64], list[LeftOut]]:
+    """Samples of a split in scenes that can be used, and the other scenes."""
+    rows = rows_of_split(index, data.root, data.version, split)
+    usable = usable_scenes(index, rows, data.skip_bad)
+    scenes = dict.fromkeys(replace(one, sample="") for one in usable.left_out)
+    return usable.rows, list(scenes)
 
 
 def _fit_all(

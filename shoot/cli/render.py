@@ -7,15 +7,15 @@ from typing import Annotated
 import numpy as np
 import tyro
 
-from lss_core.data.dataset import usable_rows
+from lss_core.data.file_names import is_plain
 from lss_core.data.samples import load_index, rows_of_split
+from lss_core.data.usable import LEFT_OUT, Needs, save_left_out
 from lss_core.errors import DataError
 from shoot.cli.app import run
-from shoot.datamodule import LabelledSplit
+from shoot.datamodule import LabelledSplit, label_rows
 from shoot.prediction import TrainedRun, open_run
 from shoot.rendering import render_sample, save_figure
 from shoot.sample_views import view_sample
-from shoot.trajectories import mine_futures
 
 
 @dataclass(frozen=True)
@@ -25,12 +25,13 @@ class OtherData:
     Attributes:
         root: Data root; the run's own if not given.
         version: Version of the tables; the run's own if not given.
-        skip_missing: Leave out samples whose image files are absent, and count them.
+        skip_bad: Leave out samples whose files are absent or damaged, or whose calibration or poses
+            cannot be, count and list them.
     """
 
     root: str | None = None
     version: str | None = None
-    skip_missing: bool = False
+    skip_bad: bool = False
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,10 @@ class RenderConfig:
     checkpoint: str = "last"
     data: OtherData = field(default_factory=OtherData)
 
+    def __post_init__(self) -> None:
+        if self.num < 1:
+            raise ValueError("num must be at least 1.")
+
 
 def render(config: RenderConfig) -> list[Path]:
     """Draw and save; returns the pictures' paths.
@@ -69,17 +74,23 @@ def render(config: RenderConfig) -> list[Path]:
         config.checkpoint,
         config.data.root,
         config.data.version,
-        skip_missing=config.data.skip_missing,
+        skip_bad=config.data.skip_bad,
     )
     split = _samples(trained, config)
     num = min(config.num, len(split.labels))
+    out = Path(config.out)
+    save_left_out(out / LEFT_OUT, {config.split: split.left_out})
     paths = []
     for position in np.linspace(0, len(split.labels) - 1, num).round().astype(int):
-        row = int(split.futures.sample[position])
+        token = str(split.index.sample_token[split.futures.sample[position]])
+        if not is_plain(token):
+            raise DataError(
+                f"The token '{token}' of a sample cannot be the name of a file; rename it in "
+                "sample.json and sample_data.json."
+            )
         view = view_sample(trained, split, int(position), config.lidar)
-        path = Path(config.out) / f"{split.index.sample_token[row]}.png"
-        paths.append(save_figure(render_sample(view), path))
-        print(path)
+        paths.append(save_figure(render_sample(view), out / f"{token}.png"))
+        print(paths[-1])
     return paths
 
 
@@ -91,14 +102,8 @@ def _samples(trained: TrainedRun, config: RenderConfig) -> LabelledSplit:
         rows = rows_of_split(index, data.root, data.version, config.split)
     else:
         rows = np.asarray([index.row_of(config.token)])
-    futures = mine_futures(index, rows, "keyframes")
-    if not len(futures.sample):
-        raise DataError("None of the samples asked for has five seconds of future.")
-    usable = usable_rows(
-        index, Path(data.root), futures.sample, data.skip_missing, data.lidar_scans
-    )
-    futures = futures.select(np.isin(futures.sample, usable))
-    return LabelledSplit(index, futures, trained.templates.nearest(futures.xy_m))
+    needs = Needs(lidar_scans=max(data.lidar_scans, int(config.lidar)))
+    return label_rows(index, rows, data, trained.templates, needs, "asked for ")
 
 
 def main() -> None:

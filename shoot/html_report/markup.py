@@ -1,7 +1,8 @@
 """HTML in which text from outside cannot become markup."""
 
 import html
-import unicodedata
+
+from lss_core.legible import legible
 
 _VOID = frozenset({"br", "col", "img", "meta"})
 
@@ -39,16 +40,3 @@ def join(*children: str, between: str = "") -> Html:
 
 def _escaped(child: str) -> str:
     return child if isinstance(child, Html) else html.escape(legible(child))
-
-
-def legible(text: str) -> str:
-    """Text in which the replacement character stands for what no page may hold.
-
-    That is control characters, and halves of surrogate pairs as in file names that are not UTF-8.
-    """
-    return "".join(
-        "\N{REPLACEMENT CHARACTER}"
-        if unicodedata.category(letter) in ("Cc", "Cs") and letter not in "\n\t"
-        else letter
-        for letter in text
-    )

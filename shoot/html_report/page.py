@@ -123,6 +123,8 @@ def _facts(report: Report, details: PageDetails) -> Html:
         "Samples": f"{report.overall.num_samples} of {report.overall.num_scenes} scenes",
         "Date": details.date,
     }
+    if report.num_bad_samples:
+        facts["Left out"] = f"{report.num_bad_samples} samples that cannot be used"
     if details.num_templates is not None:
         facts["Templates"] = str(details.num_templates)
     pairs = (part for name, fact in facts.items() for part in (("dt", name), ("dd", fact)))

@@ -11,11 +11,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from lss_core.legible import legible
 from shoot.bootstrap import Interval
 from shoot.calibration import Reliability
 from shoot.evaluation import MODEL, Results
 from shoot.html_report.columns import Column
-from shoot.html_report.markup import legible
 from shoot.html_report.words import has_bounds
 from shoot.metrics import TOP_KS
 from shoot.rendering import palette

@@ -7,7 +7,8 @@ from xml.etree import ElementTree
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from shoot.html_report.markup import Html, legible
+from lss_core.legible import legible
+from shoot.html_report.markup import Html
 
 _REFERENCE = re.compile(r"url\(#([^)]+)\)")
 _PX_PER_PT = 96.0 / 72.0

@@ -155,6 +155,7 @@ def draw_camera(
         0.012,
         0.97,
         label,
+        parse_math=False,  # a camera may have dollars in its name
         transform=axes.transAxes,
         va="top",
         ha="left",

@@ -59,7 +59,12 @@ class _Page:
 
     def text(self, left_in: float, top_in: float, text: str, **style: Any) -> None:
         self.figure.text(
-            left_in / self.width_in, 1.0 - top_in / self.height_in, text, va="top", **style
+            left_in / self.width_in,
+            1.0 - top_in / self.height_in,
+            text,
+            va="top",
+            parse_math=False,  # a text of data may have dollars
+            **style,
         )
 
 

@@ -1,0 +1,140 @@
+"""Which scenes, images and sweeps have a problem, from what is wrong with single records."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lss_core.data.joins import JoinedTables
+from lss_core.data.problems import MAX_STEP_S, Problem, ProblemList, step_flaws
+from lss_core.data.tables import EgoPose, SampleData, table_path
+from lss_core.geometry import FloatArray
+
+# Poses so many apart are looked at, too: where times are too short, single steps are small.
+_FEW = 10
+
+
+@dataclass(frozen=True)
+class SampleProblems:
+    """What the index says of Q problems, of which the first is none.
+
+    Attributes:
+        problem_reason: [Q].
+        problem_text: [Q].
+        scene_problem: [C].
+        camera_problem: [S, N].
+        lidar_problem: [S].
+    """
+
+    problem_reason: NDArray[np.character]
+    problem_text: NDArray[np.character]
+    scene_problem: NDArray[np.int64]
+    camera_problem: NDArray[np.int64]
+    lidar_problem: NDArray[np.int64]
+
+
+def find_problems(
+    folder: Path, tables: JoinedTables, time_s: FloatArray, global_from_ego: FloatArray
+) -> SampleProblems:
+    """Problems of S samples and C scenes.
+
+    One pose that cannot be is a problem of its scene: futures and pasts are made of all of them.
+
+    Args:
+        folder: Holds the tables.
+        tables: What they say.
+        time_s: [S] of the samples' ego frames.
+        global_from_ego: [S, 4, 4].
+    """
+    problems = ProblemList()
+    scene = np.zeros(len(tables.scenes), dtype=np.int64)
+    for own, problem in (
+        *_bad_poses(tables),
+        *_bad_steps(folder, tables),
+        *_no_poses(folder, tables),
+    ):
+        scene[own] = scene[own] or problems.add(problem)
+    images, lidar = tables.images, tables.lidar
+    calibration = np.append(tables.frames.calibration, -1)  # that of the frame -1
+    camera = np.zeros(images.shape, dtype=np.int64)
+    problems.mark(camera, calibration[images], tables.intrinsics_problems)
+    problems.mark(camera, calibration[images], tables.mounting_problems)
+    problems.mark(camera, images, tables.pose_problems)
+    problems.mark(camera, images, tables.frames.size_problems)
+    # Where a scene has a problem, its samples' frames mean nothing that an image could be far from.
+    near = np.where((scene == 0)[tables.sample_scene, None], images, -1)
+    problems.mark(camera, near, _far_images(folder, tables, near, time_s, global_from_ego))
+    of_lidar = np.zeros(len(lidar), dtype=np.int64)
+    problems.mark(of_lidar, calibration[lidar], tables.mounting_problems)
+    return SampleProblems(problems.reasons, problems.texts, scene, camera, of_lidar)
+
+
+def _bad_poses(tables: JoinedTables) -> Iterable[tuple[int, Problem]]:
+    """Scenes with a pose or time that their track should have, or a time that a sample needs."""
+    for frame in sorted(tables.pose_problems):
+        scene = int(tables.sample_scene[tables.frames.sample[frame]])
+        if tables.in_track[frame]:
+            yield scene, tables.pose_problems[frame]
+    for row, problem in tables.sample_problems.items():
+        yield int(tables.sample_scene[row]), problem
+
+
+def _bad_steps(folder: Path, tables: JoinedTables) -> Iterable[tuple[int, Problem]]:
+    """Scenes whose car does what none does from one pose to the next."""
+    time_s = tables.frames.time_us[tables.track] / 1e6
+    place_m = tables.global_from_ego[tables.track, :3, 3]
+    counts = np.diff(tables.track_start)
+    scene = np.repeat(np.arange(len(counts)), counts)
+    for ahead in (1, _FEW):
+        first = np.flatnonzero(scene[ahead:] == scene[:-ahead])
+        second = first + ahead
+        elapsed_s = time_s[second] - time_s[first]
+        moved_m = np.linalg.norm(place_m[second] - place_m[first], axis=-1)
+        longest_s = MAX_STEP_S if ahead == 1 else math.inf
+
+        def name(step: int, first: NDArray[np.int64] = first, ahead: int = ahead) -> str:
+            frames = tables.track[[first[step], first[step] + ahead]]
+            one, other = (tables.frames.pose_token[frame] for frame in frames)
+            return f"records '{one}' and '{other}' of {_place(folder, EgoPose)}"
+
+        for step, problem in step_flaws(elapsed_s, moved_m, name, longest_s).items():
+            yield int(scene[first[step]]), problem
+
+
+def _no_poses(folder: Path, tables: JoinedTables) -> Iterable[tuple[int, Problem]]:
+    for row in np.flatnonzero(np.diff(tables.track_start) == 0).tolist():
+        what = f"scene '{tables.scenes[row].token}' has no record in {_place(folder, SampleData)}"
+        yield row, Problem("scene without poses", what)
+
+
+def _far_images(
+    folder: Path,
+    tables: JoinedTables,
+    images: NDArray[np.int64],
+    time_s: FloatArray,
+    global_from_ego: FloatArray,
+) -> dict[int, Problem]:
+    """Images that were not taken where and when their samples are, by frame."""
+    sample, camera = np.nonzero(images >= 0)
+    frames = images[sample, camera]
+    elapsed_s = tables.frames.time_us[frames] / 1e6 - time_s[sample]
+    moved_m = np.linalg.norm(
+        tables.global_from_ego[frames, :3, 3] - global_from_ego[sample, :3, 3], axis=-1
+    )
+
+    def name(row: int) -> str:
+        token = tables.frames.pose_token[frames[row]]
+        return (
+            f"record '{token}' of {_place(folder, EgoPose)} and the pose of sample "
+            f"'{tables.samples[sample[row]].token}'"
+        )
+
+    flaws = step_flaws(elapsed_s, moved_m, name)
+    return {int(frames[row]): problem for row, problem in flaws.items()}
+
+
+def _place(folder: Path, record_type: type[EgoPose] | type[SampleData]) -> str:
+    return f"{folder.name}/{table_path(folder, record_type).name}"
