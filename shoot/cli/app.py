@@ -18,6 +18,8 @@ from shoot.lost_processes import lost_process
 
 Config = TypeVar("Config")
 
+# What may be asked of any command that reads data.
+_SHORT = {"--skip-bad": "--data.skip-bad"}
 _MAKE_ROOM = "make room there, then call the command again"
 _REMEDIES = {
     errno.ENOSPC: _MAKE_ROOM,
@@ -51,7 +53,8 @@ def run(
     # So that what is half done is cleared away, as on Ctrl-C.
     before = signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
     try:
-        config = tyro.cli(config_type, description=description)
+        args = [_SHORT.get(argument, argument) for argument in sys.argv[1:]]
+        config = tyro.cli(config_type, args=args, description=description)
         function(config)
     except DataError as error:
         _end(error.sentence)

@@ -109,7 +109,7 @@ def test_training_lists_what_it_leaves_out(run: TinyRun) -> None:
         cut("scene-0004", 1)(run.root)
         (run.root / "samples" / CAMERAS[2] / "scene-0004-02.jpg").write_bytes(b"")
         (run.root / "samples" / CAMERAS[2] / "scene-0003-02.jpg").unlink()
-        said = train(run, "--data.skip-bad")
+        said = train(run, "--skip-bad")
         assert said.status == 0, said.err
         listed = json.loads((run.folder.with_name("new") / "left_out.json").read_text())
         assert listed["train"]["by_reason"] == {
@@ -135,7 +135,7 @@ def test_evaluation_and_pictures_list_what_they_leave_out(run: TinyRun) -> None:
         assert "16 samples that cannot be used" in html.read_text()
         listed = json.loads((run.folder / "report.left_out.json").read_text())["val"]
         assert listed["by_reason"] == {"impossible motion": 15, "damaged image": 1}
-        said = render(run, "--data.skip-bad", "--num", 2)
+        said = render(run, "--skip-bad", "--num", 2)
         assert said.status == 0, said.err
         pictures = run.folder / "pictures"
         assert json.loads((pictures / "left_out.json").read_text())["val"] == listed
@@ -151,7 +151,7 @@ def test_templates_list_scenes_they_leave_out(run: TinyRun, tmp_path: Path) -> N
         for flags in ([], ["--stream"]):
             out = tmp_path / f"t{len(flags)}.npz"
             assert "'scene-0002-LIDAR_TOP" in complaint(fit(run.root, out, *flags))
-            said = fit(run.root, out, "--data.skip-bad", *flags)
+            said = fit(run.root, out, "--skip-bad", *flags)
             assert said.status == 0, said.err
             card = json.loads(out.with_suffix(".json").read_text())
             assert (card["num_scenes"], card["num_bad_scenes"]) == (2, 2)
