@@ -1,6 +1,7 @@
 """A killed training goes on as if nothing had happened; its record of metrics, too."""
 
 import csv
+import json
 import os
 import random
 import signal
@@ -99,6 +100,17 @@ def test_resuming_what_is_finished_changes_nothing(tiny_run: TinyRun, undisturbe
     said = command("shoot-train", *flags, "--resume")
     assert said.status == 0, said.err
     assert before == {path: path.read_bytes() for path in files}
+
+
+def test_time_is_written_though_a_kill_came_before_it(tiny_run: TinyRun, undisturbed: Path) -> None:
+    file = undisturbed / "training_time.json"
+    whole_s = json.loads(file.read_text())["train_s"]
+    file.unlink()
+    flags = train_flags(tiny_run.root, tiny_run.templates, undisturbed, STEPS, EVERY)
+    said = command("shoot-train", *flags, "--resume")
+    assert said.status == 0, said.err
+    # The last checkpoint knows it but for what came after.
+    assert 0.0 < json.loads(file.read_text())["train_s"] <= whole_s
 
 
 def test_interrupted_run_can_go_on(tiny_run: TinyRun, undisturbed: Path, tmp_path: Path) -> None:

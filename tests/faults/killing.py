@@ -77,7 +77,8 @@ class Undisturbed:
     Attributes:
         folder: What was in `out`.
         lasts_s: How long it took.
-        num_files: How many files it put into place, some of them more than once.
+        num_files: How many files it itself put into place, some of them more than once; 0 if it
+            was started in a fresh interpreter.
     """
 
     folder: Path
@@ -99,11 +100,11 @@ def start(job: Job, moment: Moment | None = None, max_bytes: int | None = None) 
     return start_beside(_lead, job, moment, max_bytes, log=job.log)
 
 
-def run(job: Job, max_bytes: int | None = None) -> Said:
+def run(job: Job, max_bytes: int | None = None, moment: Moment | None = None) -> Said:
     """Start it and wait for its end."""
     for log in (job.log, job.log.with_suffix(".err")):
         log.unlink(missing_ok=True)
-    process = start(job, max_bytes=max_bytes)
+    process = start(job, moment, max_bytes)
     process.join(timeout=600)
     assert process.exitcode is not None, f"{job.name} does not end"
     return Said(process.exitcode, job.log.read_text(), job.log.with_suffix(".err").read_text())
@@ -116,18 +117,24 @@ def _lead(job: Job, moment: Moment | None, max_bytes: int | None) -> None:
         os.dup2(stream.fileno(), 2)
     if max_bytes is not None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (max_bytes, max_bytes))
+    passed: dict[Point, int] = {}
     if moment is not None and moment.point is not None:
-        _die_at(moment.point, moment.nth)
+        passed = _die_at(moment.point, moment.nth)
     if job.in_fresh_python:
         code = f"from world_fixture import call_command; call_command({job.name!r}, "
         code += f"{list(job.arguments)!r})"
         where = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
         os.execve(sys.executable, [sys.executable, "-c", code], {**os.environ, **where})
     call_command(job.name, job.arguments)
+    job.log.with_suffix(".count").write_text(str(passed.get("after replace", 0)))
 
 
-def _die_at(point: Point, nth: int) -> None:
-    """Have this process kill itself where it puts its nth file into place."""
+def _die_at(point: Point, nth: int) -> dict[Point, int]:
+    """Have this process kill itself where it puts its nth file into place.
+
+    Returns:
+        Counts how often it has come to each point.
+    """
     passed = dict.fromkeys(POINTS, 0)
     real_fsync, real_replace, real_open = os.fsync, Path.replace, os.fdopen
 
@@ -169,6 +176,7 @@ def _die_at(point: Point, nth: int) -> None:
         return result
 
     os.fsync, Path.replace, os.fdopen = fsync, put_into_place, fdopen  # type: ignore[assignment]
+    return passed
 
 
 # Judging
@@ -179,11 +187,14 @@ def make_undisturbed(job: Job, aside: Path) -> Undisturbed:
     prepare(job)
     start_beside(os.getpid, log=job.log).join()  # the first start is slow
     started_s = time.monotonic()
-    said = run(job)
+    said = run(job, moment=Moment(point="after replace"))  # never the 0th time: it counts
     lasts_s = time.monotonic() - started_s
     assert said.status == 0, said.err
     shutil.move(job.out, aside)
-    num_files = sum(path.is_file() for path in aside.rglob("*"))
+    num_files = 0
+    if not job.in_fresh_python:
+        num_files = int(job.log.with_suffix(".count").read_text())
+        assert num_files > 0
     return Undisturbed(aside, lasts_s, num_files)
 
 
