@@ -17,6 +17,8 @@ from lss_core.geometry import FloatArray
 # Fixed here because resampling filters change accuracy between library versions.
 _FILTER = Image.Resampling.BILINEAR
 _FORMATS = ("JPEG", "PNG")
+# Pillow has a limit, too, but libraries change it for the whole process, as nuscenes-devkit does.
+_MAX_PIXELS = 1 << 27
 # Pillow's names for broken chunks.
 _DAMAGE = (OSError, SyntaxError, ValueError, TypeError, EOFError, LookupError, struct.error)
 
@@ -91,13 +93,17 @@ def open_image(path: Path) -> Image.Image:
     """
     try:
         # Of what else Pillow opens some is handed to other programs.
-        return Image.open(path, formats=_FORMATS)
+        image = Image.open(path, formats=_FORMATS)
     except FileNotFoundError as error:
         raise DataError(f"The image '{path}' is missing; is the data set complete?") from error
     except UnidentifiedImageError as error:
         raise DataError(f"The image '{path}' is no JPEG or PNG, or is damaged.") from error
     except (*_DAMAGE, Image.DecompressionBombError) as error:
         raise DataError(f"The image '{path}' cannot be read: {error}.") from error
+    width, height = image.size
+    if width * height > _MAX_PIXELS:
+        raise DataError(f"The image '{path}' cannot be read: it claims {width}x{height} px.")
+    return image
 
 
 def load_image(path: Path, pixel_map: PixelMap) -> NDArray[np.uint8]:

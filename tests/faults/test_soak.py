@@ -23,7 +23,11 @@ NOISE_MB = 12.0
 
 @dataclass(frozen=True)
 class Load:
-    """What a process and its helpers hold at one time; memory that is shared counts once."""
+    """What a process and its helpers hold at one time.
+
+    Memory is what is theirs, not that of mapped files. What a fork shares counts with each of them:
+    shares of it would change when some other test's process ends.
+    """
 
     memory_mb: float
     files: int
@@ -40,8 +44,8 @@ def load_of(pid: int) -> Load:
     for process in tree:
         # One may have ended meanwhile.
         with contextlib.suppress(OSError):
-            rollup = Path(f"/proc/{process}/smaps_rollup").read_text()
-            memory_kb += int(rollup.partition("\nPss:")[2].split()[0])
+            status = Path(f"/proc/{process}/status").read_text()
+            memory_kb += int(status.partition("\nRssAnon:")[2].split()[0])
             files += len(os.listdir(f"/proc/{process}/fd"))  # noqa: PTH208
     return Load(memory_kb / 1024.0, files, len(tree))
 
