@@ -4,22 +4,20 @@ import io
 import os
 import socket
 import time
-from argparse import Namespace
 from pathlib import Path
-from typing import Any
 
-from pytorch_lightning.loggers.logger import Logger
 from pytorch_lightning.utilities import rank_zero_only
 from tensorboard.compat.proto.event_pb2 import Event, SessionLog
 from tensorboard.compat.proto.summary_pb2 import Summary
 from tensorboard.summary.writer.record_writer import RecordWriter
 
 from lss_core.files import write_atomically, write_from
+from shoot.run_logger import RunLogger
 
 _FORMAT = "brain.Event:2"
 
 
-class EventFile(Logger):
+class EventFile(RunLogger):
     """Writes what Lightning logs for TensorBoard; a kill loses nothing that was logged before it.
 
     TensorBoard's own writer leaves it to a thread, which keeps it for two minutes: a killed run
@@ -30,23 +28,8 @@ class EventFile(Logger):
     """
 
     def __init__(self, folder: Path) -> None:
-        super().__init__()
-        self._folder = folder
-        self._path: Path | None = None
-
-    @property
-    def name(self) -> str:
-        """Its folder's name; Lightning asks."""
-        return self._folder.name
-
-    @property
-    def version(self) -> str:
-        """A run has one; Lightning asks."""
-        return ""
-
-    @rank_zero_only
-    def log_hyperparams(self, params: dict[str, Any] | Namespace, *_: Any, **__: Any) -> None:
-        """They stand in config.yaml."""
+        super().__init__(folder)
+        self._file: Path | None = None
 
     @rank_zero_only
     def log_metrics(self, metrics: dict[str, float], step: int | None = None) -> None:
@@ -60,16 +43,16 @@ class EventFile(Logger):
             OSError: If they cannot be written; what was there before is as it was.
         """
         step = int(step or 0)
-        if self._path is None:
-            self._path = self._begin(step)
+        if self._file is None:
+            self._file = self._begin(step)
         values = [Summary.Value(tag=tag, simple_value=float(v)) for tag, v in metrics.items()]
         events = [Event(step=step, summary=Summary(value=[value])) for value in values]
-        write_from(self._path, self._path.stat().st_size, _records(events))
+        write_from(self._file, self._file.stat().st_size, _records(events))
 
     def _begin(self, step: int) -> Path:
         """Make a file; TensorBoard then forgets what a killed run logged of this step and later."""
         now = f"{time.time():.0f}.{socket.gethostname()}.{os.getpid()}"
-        path = self._folder / f"events.out.tfevents.{now}"
+        path = self.path / f"events.out.tfevents.{now}"
         start = SessionLog(status=SessionLog.START)
         with write_atomically(path) as stream:
             events = [Event(file_version=_FORMAT), Event(step=step, session_log=start)]

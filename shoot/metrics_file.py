@@ -2,20 +2,18 @@
 
 import csv
 import io
-from argparse import Namespace
 from pathlib import Path
-from typing import Any
 
-from pytorch_lightning.loggers.logger import Logger
 from pytorch_lightning.utilities import rank_zero_only
 
 from lss_core.files import write_atomically, write_from
+from shoot.run_logger import RunLogger
 
 _STEP = "step"
 _EPOCH = "epoch"  # Lightning's count of rounds is one too many after a resumption
 
 
-class MetricsFile(Logger):
+class MetricsFile(RunLogger):
     """Writes what Lightning logs to one file; what is known of a step stands in one row.
 
     Lightning's own CSV logger begins anew when a run is resumed. This one keeps the rows before the
@@ -27,27 +25,12 @@ class MetricsFile(Logger):
     """
 
     def __init__(self, path: Path, resume: bool) -> None:
-        super().__init__()
-        self.path = path
+        super().__init__(path)
         self.resume = resume
         self._columns = [_STEP]
         self._step: int | None = None
         self._row: dict[str, str] = {}
         self._row_at = 0
-
-    @property
-    def name(self) -> str:
-        """Its file's name; Lightning asks."""
-        return self.path.stem
-
-    @property
-    def version(self) -> str:
-        """A run has one; Lightning asks."""
-        return ""
-
-    @rank_zero_only
-    def log_hyperparams(self, params: dict[str, Any] | Namespace, *_: Any, **__: Any) -> None:
-        """They stand in config.yaml."""
 
     @rank_zero_only
     def log_metrics(self, metrics: dict[str, float], step: int | None = None) -> None:

@@ -2,7 +2,6 @@
 
 import csv
 import json
-import os
 import random
 import signal
 import time
@@ -111,21 +110,6 @@ def test_time_is_written_though_a_kill_came_before_it(tiny_run: TinyRun, undistu
     assert said.status == 0, said.err
     # The last checkpoint knows it but for what came after.
     assert 0.0 < json.loads(file.read_text())["train_s"] <= whole_s
-
-
-def test_interrupted_run_can_go_on(tiny_run: TinyRun, undisturbed: Path, tmp_path: Path) -> None:
-    folder, log = tmp_path / "run", tmp_path / "log"
-    flags = train_flags(tiny_run.root, tiny_run.templates, folder, STEPS, EVERY)
-    process = start_command("shoot-train", *flags, log=log)
-    wait_for(folder / "checkpoints" / "last.ckpt", process)
-    assert process.pid is not None
-    os.kill(process.pid, signal.SIGINT)
-    process.join(timeout=120)
-    assert process.exitcode not in (0, None)
-    assert "Traceback" not in log.read_text()
-    said = command("shoot-train", *flags, "--resume")
-    assert said.status == 0, said.err
-    assert_same_run(folder, undisturbed)
 
 
 # The record of metrics

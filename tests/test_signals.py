@@ -31,9 +31,11 @@ def test_the_step_ends_with_a_checkpoint(
     assert 0 < step < 50_000
 
 
-@pytest.mark.parametrize("stop_at", [2, 9])
+@pytest.mark.parametrize(
+    ("stop_at", "number", "status"), [(2, signal.SIGTERM, 143), (9, signal.SIGINT, 130)]
+)
 def test_what_was_ended_goes_on_as_if_undisturbed(
-    stop_at: int, tiny_run: TinyRun, undisturbed: Path, tmp_path: Path
+    stop_at: int, number: int, status: int, tiny_run: TinyRun, undisturbed: Path, tmp_path: Path
 ) -> None:
     """Ended within a round, not at its end, where a checkpoint is written anyway."""
     folder = tmp_path / "run"
@@ -45,12 +47,12 @@ def test_what_was_ended_goes_on_as_if_undisturbed(
 
         def training_step(self, batch, batch_idx):  # type: ignore[no-untyped-def]
             if self.trainer.global_step == stop_at:
-                os.kill(os.getpid(), signal.SIGTERM)
+                os.kill(os.getpid(), number)
             return real(self, batch, batch_idx)
 
         patch.setattr(PlanningModule, "training_step", training_step)
         said = command("shoot-train", *flags)
-    assert said.status == 143, said.err
+    assert said.status == status, said.err
     assert checkpoint(folder)["global_step"] == stop_at + 1
     said = command("shoot-train", *flags, "--resume")
     assert said.status == 0, said.err
