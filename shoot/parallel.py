@@ -1,5 +1,6 @@
 """Runs a function over jobs: in this process, in several, or on the machines of a dask cluster."""
 
+import asyncio
 import logging
 import os
 import socket
@@ -139,7 +140,7 @@ def _check_workers(client: Any, address: str, shared: Path | None) -> None:
     """Check that there are workers, that they have this package, and that they see a folder."""
     try:
         client.wait_for_workers(1, timeout=_PATIENCE_S)
-    except TimeoutError as error:
+    except (TimeoutError, asyncio.TimeoutError) as error:  # one and the same from Python 3.11 on
         raise DataError(
             f"The dask scheduler at '{address}' has no workers; start some with "
             f"'dask worker {address} --nthreads 1'."

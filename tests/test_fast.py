@@ -88,12 +88,12 @@ def test_without_a_compiler_it_runs_and_says_so(
     torch._dynamo.reset()
     monkeypatch.setenv("TORCHINDUCTOR_CACHE_DIR", str(tmp_path))
     monkeypatch.setattr("torch._inductor.config.cpp.cxx", ("no-such-compiler",))
-    monkeypatch.setattr("torch._inductor.config.fx_graph_cache", False)
     sensors = _sensors(trained)
     with torch.no_grad():
         expected = trained.module(sensors)
-    planner = FastPlanner(trained.module)
-    scores = planner(sensors)
+    with torch._inductor.config.patch(fx_graph_cache=False):
+        planner = FastPlanner(trained.module)
+        scores = planner(sensors)
     assert not planner.compiled
     assert "runs uncompiled" in caplog.text
     torch.testing.assert_close(scores, expected, rtol=1e-4, atol=1e-4)

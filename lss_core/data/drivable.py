@@ -14,6 +14,14 @@ from lss_core.data.tables import decode_json
 from lss_core.errors import DataError
 from lss_core.geometry import FloatArray
 
+_DAMAGE = (
+    ValueError,
+    OverflowError,
+    RecursionError,
+    msgspec.ValidationError,  # of late a ValueError
+    shapely.errors.ShapelyError,
+)
+
 
 class _Node(msgspec.Struct, gc=False):
     token: str
@@ -114,7 +122,7 @@ def load_drivable_area(root: Path, location: str) -> DrivableArea:
         raise DataError(f"The map '{path}' cannot be read: {error}.") from error
     except KeyError as error:
         raise DataError(f"The map '{path}' is damaged (no record {error}); {anew} anew.") from error
-    except (ValueError, OverflowError, RecursionError, shapely.errors.ShapelyError) as error:
+    except _DAMAGE as error:
         raise DataError(f"The map '{path}' is damaged ({error}); {anew} anew.") from error
 
 

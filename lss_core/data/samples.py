@@ -23,6 +23,7 @@ from lss_core.data.splits import scenes_of_split
 from lss_core.data.tables import TABLES
 from lss_core.errors import DataError
 from lss_core.geometry import FloatArray, interpolate_poses
+from lss_core.legible import legible
 
 logger = logging.getLogger(__name__)
 
@@ -210,7 +211,8 @@ def _check_tables(root: Path, version: str) -> list[Path]:
 
 
 def _build_index(root: Path, version: str, cameras: tuple[str, ...]) -> SampleIndex:
-    logger.info("Reading the tables of %s (once; the index is cached).", root / version)
+    folder = legible(str(root / version))
+    logger.info("Reading the tables of %s (once; the index is cached).", folder)
     tables = join_tables(root / version, cameras)
     frames, scenes, lidar, images = tables.frames, tables.scenes, tables.lidar, tables.images
     # The row -1 of what is not there reads the last frame, which `where` then passes over.

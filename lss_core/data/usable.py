@@ -18,6 +18,7 @@ from lss_core.data.problems import Problem
 from lss_core.data.samples import SampleIndex
 from lss_core.errors import DataError
 from lss_core.files import write_atomically
+from lss_core.legible import legible
 
 logger = logging.getLogger(__name__)
 
@@ -232,7 +233,7 @@ def _without(
         len(left_out),
         len(rows),
         count_reasons(left_out),
-        "; ".join(f"{one.sample}: {one.what}" for one in left_out[:_NAMED]),
+        legible("; ".join(f"{one.sample}: {one.what}" for one in left_out[:_NAMED])),
     )
     return Usable(rows[[found[row] is None for row in rows.tolist()]], left_out)
 

@@ -1,6 +1,7 @@
 """What all commands share: parse, run, and say in one sentence what the user can mend."""
 
 import errno
+import io
 import logging
 import os
 import signal
@@ -45,6 +46,10 @@ def run(
     logging.basicConfig(
         level=logging.INFO, format="%(message)s", handlers=[RichHandler(show_path=False)]
     )
+    # Paths and texts of data may hold what an output cannot show.
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     # What Lightning says of itself and of its own code is not for users of these commands.
     logging.getLogger("pytorch_lightning").setLevel(logging.WARNING)
     warnings.filterwarnings("ignore", module=r"pytorch_lightning\.")
@@ -54,7 +59,10 @@ def run(
     before = signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
     try:
         args = [_SHORT.get(argument, argument) for argument in sys.argv[1:]]
-        config = tyro.cli(config_type, args=args, description=description)
+        try:
+            config = tyro.cli(config_type, args=args, description=description)
+        except ValueError as error:  # of settings that do not fit together, with older tyros
+            _end(f"{error}")
         function(config)
     except DataError as error:
         _end(error.sentence)
