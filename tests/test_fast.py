@@ -87,11 +87,11 @@ def test_without_a_compiler_it_runs_and_says_so(
     _in_float32(monkeypatch)
     torch._dynamo.reset()
     monkeypatch.setenv("TORCHINDUCTOR_CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr("torch._inductor.config.cpp.cxx", ("no-such-compiler",))
     sensors = _sensors(trained)
     with torch.no_grad():
         expected = trained.module(sensors)
-    with torch._inductor.config.patch(fx_graph_cache=False):
+    no_compiler = {"cpp.cxx": ("no-such-compiler",), "fx_graph_cache": False}
+    with torch._inductor.config.patch(no_compiler):
         planner = FastPlanner(trained.module)
         scores = planner(sensors)
     assert not planner.compiled
