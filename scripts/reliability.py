@@ -1,15 +1,15 @@
 """Throws everything at the code that tests/faults has, and writes the table of docs/reliability.md.
 
-    python scripts/reliability.py [--short] [--page docs/reliability.md]
+    python scripts/reliability.py [--only test_kills] [--tally FILE] [--page FILE]
 
-An hour or two in full. Exits 0 only if nothing was lost; the page is written either way.
+An hour in full. What was thrown is kept in the tally, to which further calls add: so it can be done
+in parts. The page is made from the whole tally. Exits 0 only if nothing was lost.
 """
 
 import json
 import os
 import subprocess
 import sys
-import tempfile
 import time
 from collections import defaultdict
 from dataclasses import dataclass
@@ -27,31 +27,36 @@ class ReliabilityConfig:
     """What to throw, and where to write.
 
     Attributes:
-        short: The short form of each fault, as in the everyday tests; the page is not written.
-        page: Page whose table is made anew.
+        only: Tests to run, as for `pytest -k`; all if empty.
+        tally: What was thrown so far; remove it to begin anew.
+        page: Page whose table is made.
         workers: Processes that test side by side.
     """
 
-    short: bool = False
+    only: str = ""
+    tally: Path = Path("runs/faults.jsonl")
     page: Path = Path("docs/reliability.md")
     workers: int = 2
 
 
 def throw_all(config: ReliabilityConfig) -> int:
-    """Run the tests, print the table and write it down; returns the tests' exit status."""
+    """Run the tests and make the page; returns the tests' exit status."""
+    tally = config.tally.absolute()
+    tally.parent.mkdir(parents=True, exist_ok=True)
+    tests = ["-m", "pytest", "tests/faults", "-m", "full or not full", "-n", str(config.workers)]
+    environment = {**os.environ, "SHOOT_TALLY": str(tally), "OMP_NUM_THREADS": "1"}
     started_s = time.monotonic()
-    with tempfile.TemporaryDirectory() as folder:
-        tally = Path(folder) / "tally.jsonl"
-        marks = "not full" if config.short else "full or not full"
-        tests = ["-m", "pytest", "tests/faults", "-m", marks, "-n", str(config.workers)]
-        environment = {**os.environ, "SHOOT_TALLY": str(tally), "OMP_NUM_THREADS": "1"}
-        status = subprocess.run([sys.executable, *tests], env=environment, check=False).returncode
-        lines = tally.read_text(encoding="utf-8").splitlines() if tally.exists() else []
-    rows = [json.loads(line) for line in lines]
-    text = f"{_setting(rows, time.monotonic() - started_s)}\n\n{table(rows)}"
+    status = subprocess.run(
+        [sys.executable, *tests, "-k", config.only], env=environment, check=False
+    ).returncode
+    with tally.open("a", encoding="utf-8") as stream:
+        call = {"seconds": time.monotonic() - started_s, "cores": len(os.sched_getaffinity(0))}
+        stream.write(json.dumps(call) + "\n")
+    lines = [json.loads(line) for line in tally.read_text(encoding="utf-8").splitlines()]
+    rows = [line for line in lines if "what" in line]
+    text = f"{_setting(rows, [line for line in lines if 'seconds' in line])}\n\n{table(rows)}"
     print(text)
-    if not config.short:
-        fill_page(config.page, "faults", text)
+    fill_page(config.page, "faults", text)
     return status
 
 
@@ -69,11 +74,12 @@ def table(rows: list[Row]) -> str:
     return "\n".join(lines)
 
 
-def _setting(rows: list[Row], seconds: float) -> str:
+def _setting(rows: list[Row], calls: list[Row]) -> str:
     times, lost = (sum(row[name] for row in rows) for name in ("times", "lost"))
+    minutes = sum(call["seconds"] for call in calls) / 60.0
     return (
-        f"{times:,} times in all, {lost:,} lost. One call of `python scripts/reliability.py`, "
-        f"{seconds / 60.0:.0f} minutes on {len(os.sched_getaffinity(0))} cores."
+        f"{times:,} times in all, {lost:,} lost. Calls of `python scripts/reliability.py`: "
+        f"{len(calls)}, together {minutes:.0f} minutes on {calls[-1]['cores']} cores."
     )
 
 
