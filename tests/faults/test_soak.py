@@ -42,8 +42,8 @@ def load_of(pid: int) -> Load:
             tree += [int(child) for child in listed.split()]
     memory_kb, files = 0, 0
     for process in tree:
-        # One may have ended meanwhile.
-        with contextlib.suppress(OSError):
+        # One may have ended meanwhile; what is left of it until its parent asks has no memory.
+        with contextlib.suppress(OSError, IndexError):
             status = Path(f"/proc/{process}/status").read_text()
             memory_kb += int(status.partition("\nRssAnon:")[2].split()[0])
             files += len(os.listdir(f"/proc/{process}/fd"))  # noqa: PTH208
