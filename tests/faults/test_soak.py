@@ -91,7 +91,10 @@ def test_training(steps: int, every: int, tiny_run: TinyRun, tmp_path: Path) -> 
     with throw("training steps, one run", FLAT, times=steps) as figures:
         process = start_command("shoot-train", *flags, log=tmp_path / "log")
         # After the first validation all helpers are there; at the very end they leave.
-        loads = watch(process, tmp_path / "run" / "checkpoints" / "best.ckpt", every_s=0.1)
+        try:
+            loads = watch(process, tmp_path / "run" / "checkpoints" / "best.ckpt", every_s=0.1)
+        finally:
+            process.kill()
         usual = mode(load.processes for load in loads)
         check_flat([load for load in loads if load.processes == usual], figures)
 
