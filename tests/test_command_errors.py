@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import torch
 from tiny_tables import VERSION, read_table, write_table
-from world_fixture import Said, TinyRun, command, train_flags, write_rides
+from world_fixture import Said, TinyRun, command, copy_run, train_flags, write_rides
 
 from lss_core import image_encoder
 from shoot.cli import app
@@ -37,13 +37,7 @@ def fit(root: Path, out: Path, *more: object) -> Said:
 @pytest.fixture
 def spoilt(tiny_run: TinyRun, tmp_path: Path) -> TinyRun:
     """A copy of data and run that a test may damage; the run reads the copy."""
-    copy = TinyRun(tmp_path / "data", tmp_path / "templates.npz", tmp_path / "run")
-    shutil.copytree(tiny_run.root, copy.root)
-    shutil.copytree(tiny_run.folder, copy.folder)
-    shutil.copy(tiny_run.templates, copy.templates)
-    config = copy.folder / "config.yaml"
-    config.write_text(config.read_text().replace(str(tiny_run.root), str(copy.root)))
-    return copy
+    return copy_run(tiny_run, tmp_path)
 
 
 def train(run: TinyRun, out: Path, *more: object) -> Said:

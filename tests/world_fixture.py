@@ -10,6 +10,7 @@ import logging
 import math
 import multiprocessing
 import os
+import shutil
 import sys
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -206,6 +207,17 @@ def make_tiny_run(folder: Path) -> TinyRun:
     ):  # fmt: skip
         assert said.status == 0, said.err
     return run
+
+
+def copy_run(run: TinyRun, folder: Path) -> TinyRun:
+    """A copy of data, templates and run that a test may spoil; the run reads the copied data."""
+    copy = TinyRun(folder / "data", folder / "templates.npz", folder / "run")
+    shutil.copytree(run.root, copy.root)
+    shutil.copytree(run.folder, copy.folder)
+    shutil.copy(run.templates, copy.templates)
+    config = copy.folder / "config.yaml"
+    config.write_text(config.read_text().replace(str(run.root), str(copy.root)))
+    return copy
 
 
 @pytest.fixture(scope="session")

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 import tally
+import test_command_errors
 from bad_data import OUTCOME, Case, Spoil, change, check_sentence, rewrite
 from bad_files import IMAGES
 from bad_records import CALIBRATIONS, NAN, POSES
@@ -14,17 +15,14 @@ from bad_tables import SPLITS, TABLE_CASES
 from PIL import Image
 from test_bad_data import sound  # noqa: F401
 from tiny_tables import read_table
-from world_fixture import Said, TinyRun, command, train_flags
+from world_fixture import Said, TinyRun, command, copy_run, train_flags
 
 from lss_core.config import CAMERAS
 
 
 def complaint(said: Said) -> str:
     """The one line that a command ended with."""
-    assert said.status == 2, said.err
-    assert "Traceback" not in said.out + said.err
-    (line,) = (line for line in said.err.splitlines() if line.strip())
-    assert line.startswith("error: ")
+    line = test_command_errors.complaint(said)
     check_sentence(line)
     return line
 
@@ -33,12 +31,7 @@ def complaint(said: Said) -> str:
 def run(tiny_run: TinyRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> TinyRun:
     """A copy of data and run that a test may spoil; the run reads the copy."""
     monkeypatch.setenv("SHOOT_CACHE", str(tmp_path / "cache"))
-    copy = TinyRun(tmp_path / "data", tiny_run.templates, tmp_path / "run")
-    shutil.copytree(tiny_run.root, copy.root)
-    shutil.copytree(tiny_run.folder, copy.folder)
-    config = copy.folder / "config.yaml"
-    config.write_text(config.read_text().replace(str(tiny_run.root), str(copy.root)))
-    return copy
+    return copy_run(tiny_run, tmp_path)
 
 
 def fit(root: Path, out: Path, *more: object) -> Said:
