@@ -7,6 +7,7 @@ again, it goes on where it was. Each finished run leaves a record in docs/result
 are made from these records alone: copied there from other machines, they count as done here.
 """
 
+import logging
 import os
 import sys
 from dataclasses import dataclass
@@ -70,6 +71,7 @@ def table6(config: TableConfig) -> list[str]:
 
 
 if __name__ == "__main__":
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
     left = table6(tyro.cli(TableConfig, description=__doc__))
     if left:
         sys.exit(f"These runs failed: {', '.join(left)}.")

@@ -49,19 +49,18 @@ class Scored:
     log_probs: dict[str, Float[Array, "..."]]
 
 
-def compare(run: TrainedRun, split: str, show_progress: bool = True, fast: bool = False) -> Report:
+def compare(run: TrainedRun, split: str, fast: bool = False) -> Report:
     """Score a run and its baselines on the same samples, and sum it up.
 
     Args:
         run: Trained planner.
         split: Scenes to score on.
-        show_progress: Show how far prediction is.
         fast: Predict by `FastPlanner`.
 
     Raises:
         DataError: If data is not as it should be.
     """
-    return sum_up(run, score(run, split, show_progress, fast), split)
+    return sum_up(run, score(run, split, fast), split)
 
 
 def sum_up(run: TrainedRun, scored: Scored, split: str) -> Report:
@@ -112,7 +111,7 @@ def _by_scene(samples: LabelledSplit, log_prob: Array) -> dict[str, dict[str, fl
     return found
 
 
-def score(run: TrainedRun, split: str, show_progress: bool = True, fast: bool = False) -> Scored:
+def score(run: TrainedRun, split: str, fast: bool = False) -> Scored:
     """What a run and its baselines say of the samples of a split.
 
     The baselines are fitted on the run's training labels, never on `split`.
@@ -120,7 +119,6 @@ def score(run: TrainedRun, split: str, show_progress: bool = True, fast: bool = 
     Args:
         run: Trained planner.
         split: Scenes to score on.
-        show_progress: Show how far prediction is.
         fast: Predict by `FastPlanner`.
 
     Returns:
@@ -133,7 +131,7 @@ def score(run: TrainedRun, split: str, show_progress: bool = True, fast: bool = 
     """
     samples = load_split(run.config.data, split, run.templates)
     known = _training_labels(run)
-    model = predict(run, samples, show_progress, fast)
+    model = predict(run, samples, fast)
     log_probs: dict[str, Array] = {MODEL: model}
     log_probs |= baseline_log_probs(known, samples, run.templates, run.module.planner)
     log_probs[KNOWING_SPEED] = tell_speed(model, log_probs["speed_prior"], log_probs["prior"])

@@ -16,7 +16,6 @@ import torch
 from jaxtyping import Float, Int
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.progress import track
 from rich.table import Table
 from torch import Tensor
 
@@ -31,6 +30,7 @@ from shoot.bootstrap import Interval, SceneBootstrap
 from shoot.datamodule import LabelledSplit
 from shoot.metrics import negative_log_likelihood, ranks
 from shoot.prediction import TrainedRun, batches
+from shoot.progress import progress
 
 Array = npt.NDArray[Any]
 
@@ -98,17 +98,19 @@ def study_depth(run: TrainedRun, split: LabelledSplit, num_samples: int = 400) -
     log_probs: dict[str, list[Array]] = {name: [] for name in DEPTHS}
     errors, seen = np.full((2, count, len(RANGES_M)), np.nan), np.zeros(count)
     done = 0
-    for batch in track(batches(run, split, positions), description="Studying depth"):
-        for b in range(len(batch.template_idx)):
-            told, true_m, own_m = _ask(run, split, batch.sensors, b)
-            for name, log_prob in told.items():
-                log_probs[name].append(log_prob)
-            seen[done] = 100.0 * np.isfinite(true_m).mean()
-            for column, (low_m, high_m) in enumerate(RANGES_M):
-                off_m = (own_m - true_m)[(true_m >= low_m) & (true_m < high_m)]
-                if len(off_m):
-                    errors[:, done, column] = np.abs(off_m).mean(), off_m.mean()
-            done += 1
+    with progress("Studying depth", count) as advance:
+        for batch in batches(run, split, positions):
+            for b in range(len(batch.template_idx)):
+                told, true_m, own_m = _ask(run, split, batch.sensors, b)
+                for name, log_prob in told.items():
+                    log_probs[name].append(log_prob)
+                seen[done] = 100.0 * np.isfinite(true_m).mean()
+                for column, (low_m, high_m) in enumerate(RANGES_M):
+                    off_m = (own_m - true_m)[(true_m >= low_m) & (true_m < high_m)]
+                    if len(off_m):
+                        errors[:, done, column] = np.abs(off_m).mean(), off_m.mean()
+                done += 1
+                advance(1)
     return _summary(
         {name: np.stack(rows) for name, rows in log_probs.items()}, labels, scene, errors, seen
     )

@@ -5,6 +5,7 @@ import logging
 import subprocess
 import time
 from pathlib import Path
+from typing import Any
 
 import pytorch_lightning as pl
 from pytorch_lightning.callbacks import Callback, RichProgressBar
@@ -16,6 +17,7 @@ from torch import nn
 from lss_core.errors import DataError
 from lss_core.files import write_atomically
 from lss_core.sync_batchnorm import share_statistics
+from shoot.progress import SAY_EVERY_S
 
 logger = logging.getLogger(__name__)
 
@@ -45,6 +47,29 @@ class RoundProgress(RichProgressBar):
         items = super().get_metrics(trainer, pl_module)
         items.pop("v_num", None)
         return items
+
+
+class RoundLines(Callback):
+    """The same as lines of a log: the loss now and then, and what each validation has found."""
+
+    def __init__(self) -> None:
+        self._said_s = time.monotonic()
+
+    @rank_zero_only
+    def on_train_batch_end(self, trainer: pl.Trainer, *_: Any) -> None:
+        """Say the loss if nothing was said for a while."""
+        if time.monotonic() - self._said_s >= SAY_EVERY_S:
+            self._say(trainer, "loss {train_loss:.3f}")
+
+    @rank_zero_only
+    def on_validation_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
+        """Say how well it plans."""
+        self._say(trainer, "validation top-10 {val_top10:.1f} %, NLL {val_nll:.3f} nats")
+
+    def _say(self, trainer: pl.Trainer, text: str) -> None:
+        found = text.format_map(trainer.callback_metrics)
+        logger.info("Step %d of %d: %s", trainer.global_step, trainer.max_steps, found)
+        self._said_s = time.monotonic()
 
 
 class TrueStep(Callback):

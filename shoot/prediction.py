@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from rich.progress import track
 from torch.utils.data import DataLoader
 
 from lss_core.errors import DataError
 from shoot.config import TrainConfig
 from shoot.datamodule import LabelledSplit, PlanBatch, PlanningDataset, collate_plans
 from shoot.fast import FastPlanner
+from shoot.progress import progress
 from shoot.run_folder import RunFolder
 from shoot.templates import TemplateSet
 from shoot.training import PlanningModule, check_templates
@@ -101,32 +101,24 @@ def batches(
 
 
 @torch.no_grad()
-def predict(
-    run: TrainedRun, split: LabelledSplit, show_progress: bool = True, fast: bool = False
-) -> NDArray[np.float32]:
+def predict(run: TrainedRun, split: LabelledSplit, fast: bool = False) -> NDArray[np.float32]:
     """[S, K] log-probabilities of the templates for every sample of a split.
 
     Args:
         run: Trained planner.
         split: What to predict.
-        show_progress: Show how far it is.
         fast: By `FastPlanner`.
 
     Raises:
         DataError: If they are not finite, or an image is missing or damaged.
     """
     positions = np.arange(len(split.labels))
-    size = max(8, run.config.optim.batch_size)
     planner = FastPlanner(run.module) if fast else run.module
-    parts = [
-        planner(batch.sensors).log_softmax(dim=-1).float().cpu().numpy()
-        for batch in track(
-            batches(run, split, positions),
-            description="Predicting",
-            total=-(-len(positions) // size),
-            disable=not show_progress,
-        )
-    ]
+    parts = []
+    with progress("Predicting samples", len(positions)) as advance:
+        for batch in batches(run, split, positions):
+            parts.append(planner(batch.sensors).log_softmax(dim=-1).float().cpu().numpy())
+            advance(len(batch.template_idx))
     log_prob: NDArray[np.float32] = np.concatenate(parts)
     if not np.isfinite(log_prob).all():
         raise DataError(

@@ -29,11 +29,19 @@ from shoot.checkpoint_file import WholeCheckpoints, read_checkpoint, write_weigh
 from shoot.config import OptimConfig, Precision, TrainConfig
 from shoot.datamodule import PlanBatch, PlanningData, check_shares
 from shoot.event_file import EventFile
-from shoot.loop_callbacks import EndTogether, JointStatistics, RoundProgress, TrainingTime, TrueStep
+from shoot.loop_callbacks import (
+    EndTogether,
+    JointStatistics,
+    RoundLines,
+    RoundProgress,
+    TrainingTime,
+    TrueStep,
+)
 from shoot.metrics import PlanningMetrics
 from shoot.metrics_file import MetricsFile
 from shoot.planner import Planner
 from shoot.precision import agreed_precision, fastest_precision
+from shoot.progress import on_terminal
 from shoot.run_folder import LAST, RunFolder
 from shoot.signals import EndOnSignal
 from shoot.templates import TemplateSet
@@ -292,12 +300,13 @@ def make_trainer(config: TrainConfig, run: RunFolder, resume: bool = False) -> p
                 run.checkpoints, filename=Path(LAST).stem, enable_version_counter=False
             ),
             LearningRateMonitor("step"),
-            RoundProgress(config.optim.steps, config.val_every),
+            RoundProgress(config.optim.steps, config.val_every) if on_terminal() else RoundLines(),
             TrainingTime(run.time_file),
             SkipBadSteps(config.optim.max_bad_steps, str(run.checkpoints / LAST)),
             EndOnSignal(run.checkpoints / LAST, config.val_every, config.optim.steps),
             EndTogether(),
         ],
+        enable_progress_bar=on_terminal(),
         enable_model_summary=False,
     )
 

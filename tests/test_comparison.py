@@ -24,7 +24,7 @@ def train(trained: TrainedRun) -> LabelledSplit:
 
 @pytest.fixture(scope="module")
 def scored(trained: TrainedRun) -> Scored:
-    return score(trained, "val", show_progress=False)
+    return score(trained, "val")
 
 
 def test_every_method_is_a_distribution_for_every_sample(scored: Scored) -> None:
@@ -40,7 +40,7 @@ def test_the_model_is_the_run_and_is_told_the_speed_that_the_speed_prior_knows(
     trained: TrainedRun, scored: Scored
 ) -> None:
     said = scored.log_probs
-    expected = predict(trained, scored.samples, show_progress=False)
+    expected = predict(trained, scored.samples)
     np.testing.assert_array_equal(said["model"], expected)
     told = tell_speed(said["model"], said["speed_prior"], said["prior"])
     np.testing.assert_array_equal(said["model_knowing_speed"], told)

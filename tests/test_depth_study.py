@@ -42,7 +42,7 @@ def test_the_study_of_a_run(tiny_run: TinyRun, tmp_path: Path):
     for name, change in study.nll_change.items():
         assert change.value == pytest.approx(study.nll[name].value - study.nll["own"].value)
     # Its own depths give what it says anyway.
-    own = negative_log_likelihood(predict(run, split, show_progress=False), split.labels)
+    own = negative_log_likelihood(predict(run, split), split.labels)
     asked = np.linspace(0, len(own) - 1, 6).round().astype(int)
     assert study.nll["own"].value == pytest.approx(own[asked].mean(), abs=1e-4)
     study.save(tmp_path / "study.json")

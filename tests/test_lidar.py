@@ -144,7 +144,7 @@ def test_a_lidar_planner_from_training_to_pictures(
 
     trained = open_run(run)
     split = load_split(trained.config.data, "val", trained.templates)
-    assert np.ptp(predict(trained, split, show_progress=False), axis=0).max() > 0.0
+    assert np.ptp(predict(trained, split), axis=0).max() > 0.0
     monkeypatch.setattr(fast, "fastest_precision", lambda _: "32-true")
     sensors = next(iter(batches(trained, split, np.arange(3)))).sensors
     with torch.no_grad():

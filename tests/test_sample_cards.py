@@ -19,7 +19,7 @@ from shoot.sample_cards import make_cards
 def test_cards_hold_what_the_planner_says_of_their_samples(tiny_run: TinyRun) -> None:
     run = open_run(tiny_run.folder)
     split = load_split(run.config.data, "val", run.templates)
-    log_prob = predict(run, split, show_progress=False)
+    log_prob = predict(run, split)
     cards = make_cards(run, split, log_prob, num=2)
     assert {name: len(group) for name, group in cards.items()} == {
         "best": 2, "typical": 2, "worst": 2,

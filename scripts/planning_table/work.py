@@ -1,6 +1,7 @@
 """The queue of runs: what is done leaves a record, what was begun goes on, what fails is named."""
 
 import json
+import logging
 import os
 import subprocess
 import sys
@@ -16,6 +17,8 @@ from planning_table.experiments import HALF, Experiment
 from planning_table.records import record_of, save_record
 from shoot.cli.fit_templates import DataSource, FitTemplatesConfig, fit
 from shoot.world.writer import VERSION, MakeWorldConfig, make_world
+
+logger = logging.getLogger(__name__)
 
 _STATUS_S = 60.0
 
@@ -79,7 +82,7 @@ def run_all(
 ) -> list[str]:
     """Train and evaluate what has no record yet; returns the names of runs that failed."""
     waiting = [e for e in experiments if not place.record(e).exists()]
-    _say(f"{len(experiments) - len(waiting)} of {len(experiments)} runs are done.")
+    logger.info(f"{len(experiments) - len(waiting)} of {len(experiments)} runs are done.")
     with ThreadPoolExecutor(jobs) as pool:
         results = pool.map(lambda e: (e.name, _run(e, place, jobs, flags)), waiting)
         return [name for name, is_done in results if not is_done]
@@ -90,7 +93,7 @@ def _run(experiment: Experiment, place: Place, jobs: int, flags: Sequence[str]) 
     folder.mkdir(parents=True, exist_ok=True)
     report, evaluated_in = folder / "report.json", folder / "evaluation_time.json"
     if not (folder / "training_time.json").exists():
-        _say(f"{experiment.name}: training")
+        logger.info(f"{experiment.name}: training")
         train = [
             "train", experiment.preset, "--data.root", str(place.world),
             "--templates", str(place.templates), "--out", str(folder),
@@ -100,7 +103,7 @@ def _run(experiment: Experiment, place: Place, jobs: int, flags: Sequence[str]) 
         if not _call(train, folder, jobs) or not (folder / "training_time.json").exists():
             return False
     if not evaluated_in.exists():
-        _say(f"{experiment.name}: evaluation")
+        logger.info(f"{experiment.name}: evaluation")
         started = time.monotonic()
         page = str(folder / "report.html")
         if not _call(["evaluate", str(folder), "--out", str(report), "--html", page], folder, jobs):
@@ -109,7 +112,7 @@ def _run(experiment: Experiment, place: Place, jobs: int, flags: Sequence[str]) 
             stream.write(json.dumps({"evaluate_s": time.monotonic() - started}).encode())
     record = record_of(experiment, folder, jobs)
     save_record(record, place.record(experiment))
-    _say(f"{experiment.name}: top-10 {record['methods']['model']['top10']['value']:.1f} %")
+    logger.info(f"{experiment.name}: top-10 {record['methods']['model']['top10']['value']:.1f} %")
     return True
 
 
@@ -132,13 +135,13 @@ def _call(command: Sequence[str], folder: Path, jobs: int) -> bool:
                     status = process.wait(timeout=_STATUS_S)
                     break
                 except subprocess.TimeoutExpired:
-                    _say(f"{folder.name}: {name}, {_progress(folder)}")
+                    logger.info(f"{folder.name}: {name}, {_progress(folder)}")
         except BaseException:
             process.terminate()
             raise
     if status:
         last = log.read_text(errors="replace").strip().splitlines()[-1:]
-        _say(f"{folder.name}: {name} failed ({status}): {''.join(last)}; see {log}")
+        logger.info(f"{folder.name}: {name} failed ({status}): {''.join(last)}; see {log}")
     return status == 0
 
 
@@ -149,7 +152,3 @@ def _progress(folder: Path) -> str:
         return f"step {lines[-1].split(',')[lines[0].split(',').index('step')]}"
     except (OSError, ValueError, IndexError):
         return "beginning"
-
-
-def _say(text: str) -> None:
-    print(f"{time.strftime('%H:%M:%S')} {text}", flush=True)

@@ -16,12 +16,12 @@ from typing import Annotated, Any, Literal
 
 import cv2
 import tyro
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from lss_core.data.splits import official_scenes
 from lss_core.errors import DataError
 from lss_core.files import clear_leftovers, name_errors, sole_writer, write_atomically
 from shoot.parallel import run_jobs
+from shoot.progress import progress
 from shoot.world.capture import LIDAR, SceneOrder, capture_scene, texel_m
 from shoot.world.maps import canvas_of, merge_layers, town_layers, town_mask, write_mask
 from shoot.world.paint import paint_unlit
@@ -147,18 +147,11 @@ def _make_world(config: MakeWorldConfig, root: Path) -> None:
     open_towns = [town for town in towns if not _is_done(town, parts)]
     total = sum(len(town.scenes) for town in towns)
     done = total - sum(len(town.scenes) for town in open_towns)
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns) as progress:
-        task = progress.add_task("scenes", total=total, completed=done)
+    with progress("Scenes", total, done) as advance:
         # Workers of a cluster have working directories of their own.
         make = partial(_make_town, root=root.absolute())
         for count in run_jobs(make, open_towns, config.workers, config.dask, parts):
-            progress.advance(task, count)
+            advance(count)
     _join(root, towns)
     shutil.rmtree(parts)
 
