@@ -30,6 +30,8 @@ class TableConfig:
         only: Planners or runs, as `camera` or `lidar10-2`; all if not given.
         jobs: Runs side by side; each gets its share of the cores.
         records: Folder of the records.
+        again: Folder of the records of the same runs made a second time, which the tables compare;
+            may be missing.
         page: Where the tables stand, between markers.
         tables_only: Make the tables from the records and end.
         train_scenes: Scenes to train on.
@@ -42,6 +44,7 @@ class TableConfig:
     only: tuple[str, ...] = ()
     jobs: int = 2
     records: Path = Path("docs/results")
+    again: Path = Path("docs/results/again")
     page: Path = Path("docs/results.md")
     tables_only: bool = False
     train_scenes: int = 700
@@ -66,7 +69,7 @@ def table6(config: TableConfig) -> list[str]:
         workers = len(os.sched_getaffinity(0))
         prepare(place, config.train_scenes, config.val_scenes, config.k, workers)
         failed = run_all(chosen, place, config.jobs, config.flags)
-    write_tables(load_records(config.records), config.page)
+    write_tables(load_records(config.records), config.page, load_records(config.again))
     return failed
 
 

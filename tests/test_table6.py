@@ -21,6 +21,8 @@ def table(monkeypatch: pytest.MonkeyPatch) -> Any:
     monkeypatch.syspath_prepend(ROOT / "scripts")
 
     class Modules:
+        again = importlib.import_module("planning_table.again")
+        cells = importlib.import_module("planning_table.cells")
         experiments = importlib.import_module("planning_table.experiments")
         page = importlib.import_module("planning_table.page")
         records = importlib.import_module("planning_table.records")
@@ -100,19 +102,41 @@ def test_planners_are_compared_scene_by_scene(table: Any) -> None:
 
     ours, theirs = [run((50.0, 90.0)), run((60.0, 70.0))], [run((40.0, 70.0))]
     # Means over seeds 55 and 80, so 15 and 10 points more: (3 x 15 + 10) / 4.
-    assert table.page._paired(ours, theirs, "top10") == "+13.8 [+10.0, +15.0]"
-    assert table.page._paired(ours, theirs, "nll") == "+0.00 [+0.00, +0.00]"
+    assert table.cells.paired(ours, theirs, "top10") == "+13.8 [+10.0, +15.0]"
+    assert table.cells.paired(ours, theirs, "nll") == "+0.00 [+0.00, +0.00]"
     other = run((40.0, 70.0))
     other["by_scene"]["scene-0012"]["num_samples"] = 9
-    assert table.page._paired(ours, [other], "top10") == "-"
+    assert table.cells.paired(ours, [other], "top10") == "-"
+
+
+def test_runs_made_twice_are_compared_as_far_as_both_are_there(table: Any) -> None:
+    records = table.records.load_records(ROOT / "docs" / "results")
+    again = json.loads(json.dumps([r for r in records if r["planner"] != "lidar1"]))
+    for record in again:
+        for scene in record["by_scene"].values():
+            scene["top10"] += 2.0
+    setting, planners, limits = table.again.again_tables(records, again)
+    assert f"{len(again)} runs" in setting
+    assert "the same" in setting
+    lines = planners.splitlines()[2:]
+    assert [line.split("|")[1].strip() for line in lines] == ["camera", "lidar, 10 scans"]
+    assert all("+2.0 [+2.0, +2.0]" in line and "+0.00 [+0.00, +0.00]" in line for line in lines)
+    for line in limits.splitlines()[2:]:  # what was changed makes the same difference in both
+        cells = [cell.strip() for cell in line.split("|")]
+        assert cells[2] == cells[3]
+        assert cells[4] == cells[5]
+    assert len(limits.splitlines()) == 2 + sum(bool(record["flags"]) for record in records)
+    assert table.again.again_tables(records, []) == []
 
 
 def test_the_page_holds_what_the_records_say(table: Any, tmp_path: Path) -> None:
-    """docs/results.md is made of docs/results/ and of nothing else."""
+    """docs/results.md is made of the records in docs/results/ and of nothing else."""
     page = ROOT / "docs" / "results.md"
     again = tmp_path / "results.md"
     again.write_text(page.read_text())
-    table.page.write_tables(table.records.load_records(ROOT / "docs" / "results"), again)
+    folder = ROOT / "docs" / "results"
+    records = [table.records.load_records(part) for part in (folder, folder / "again")]
+    table.page.write_tables(records[0], again, records[1])
     assert again.read_text() == page.read_text()
 
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 SEEDS = (0, 1, 2)
+PLANNERS = {"camera": "camera", "lidar1": "lidar, 1 scan", "lidar10": "lidar, 10 scans"}
 HALF = "train_half"  # a split of half the training scenes
 
 

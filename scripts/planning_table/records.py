@@ -1,6 +1,7 @@
 """What a finished run leaves behind: one small JSON, from which every table is made again."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +64,12 @@ def save_record(record: Record, path: Path) -> None:
 def load_records(folder: Path) -> list[Record]:
     """All records of a folder, by name."""
     return [_read(path) for path in sorted(folder.glob("*.json"))]
+
+
+def base_of(record: Record, records: Sequence[Record]) -> Record | None:
+    """The run of which a record's run changed one thing, if it is among the records."""
+    same = (r for r in records if not r["flags"] and r["preset"] == record["preset"])
+    return next((r for r in same if record["flags"] and r["seed"] == record["seed"]), None)
 
 
 def _part(part: Record) -> Record:
