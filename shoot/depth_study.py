@@ -25,12 +25,12 @@ from lss_core.depth_targets import depth_bins, nearest_depths
 from lss_core.errors import DataError
 from lss_core.files import write_atomically
 from lss_core.model import CameraModel
+from lss_core.progress import progress
 from lss_core.splat import pool
 from shoot.bootstrap import Interval, SceneBootstrap
 from shoot.datamodule import LabelledSplit
 from shoot.metrics import negative_log_likelihood, ranks
 from shoot.prediction import TrainedRun, batches
-from shoot.progress import progress
 
 Array = npt.NDArray[Any]
 

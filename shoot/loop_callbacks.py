@@ -16,8 +16,8 @@ from torch import nn
 
 from lss_core.errors import DataError
 from lss_core.files import write_atomically
+from lss_core.progress import SAY_EVERY_S
 from lss_core.sync_batchnorm import share_statistics
-from shoot.progress import SAY_EVERY_S
 
 logger = logging.getLogger(__name__)
 

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from torch.utils.data import DataLoader
 
 from lss_core.errors import DataError
+from lss_core.progress import progress
 from shoot.config import TrainConfig
 from shoot.datamodule import LabelledSplit, PlanBatch, PlanningDataset, collate_plans
 from shoot.fast import FastPlanner
-from shoot.progress import progress
 from shoot.run_folder import RunFolder
 from shoot.templates import TemplateSet
 from shoot.training import PlanningModule, check_templates

@@ -23,6 +23,7 @@ from lss_core.depth_targets import batch_depth_bins, depth_loss
 from lss_core.errors import DataError
 from lss_core.files import sole_writer
 from lss_core.model import CameraModel, make_model
+from lss_core.progress import on_terminal
 from shoot.allocation import keep_freed_memory
 from shoot.bad_steps import SkipBadSteps
 from shoot.checkpoint_file import WholeCheckpoints, read_checkpoint, write_weights
@@ -41,7 +42,6 @@ from shoot.metrics import PlanningMetrics
 from shoot.metrics_file import MetricsFile
 from shoot.planner import Planner
 from shoot.precision import agreed_precision, fastest_precision
-from shoot.progress import on_terminal
 from shoot.run_folder import LAST, RunFolder
 from shoot.signals import EndOnSignal
 from shoot.templates import TemplateSet

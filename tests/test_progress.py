@@ -10,9 +10,9 @@ import rich
 from rich.console import Console
 from world_fixture import TinyRun, command, train_flags
 
+from lss_core import progress as module
+from lss_core.progress import progress
 from shoot import loop_callbacks
-from shoot import progress as module
-from shoot.progress import progress
 
 
 def test_a_log_gets_lines_with_what_was_done_before(

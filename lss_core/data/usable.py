@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.progress import track
 
 from lss_core.data.file_checks import image_problem, sweep_problem
 from lss_core.data.lidar import recent_sweeps
@@ -19,6 +18,7 @@ from lss_core.data.samples import SampleIndex
 from lss_core.errors import DataError
 from lss_core.files import write_atomically
 from lss_core.legible import legible
+from lss_core.progress import progress
 
 logger = logging.getLogger(__name__)
 
@@ -147,15 +147,11 @@ def usable_rows(
     """
     needs = needs or Needs()
     files = _Files(index, root, look_inside=skip_bad)
-    found = {
-        row: record_problem(index, row, needs) or files.problem(row, needs)
-        for row in track(
-            rows.tolist(),
-            description="Looking at files",
-            transient=True,
-            disable=not skip_bad or len(rows) < 1000,
-        )
-    }
+    found: dict[int, Problem | None] = {}
+    with progress("Looking at files of samples", len(rows), is_passing=True) as advance:
+        for row in rows.tolist():
+            found[row] = record_problem(index, row, needs) or files.problem(row, needs)
+            advance(1)
     return _without(index, rows, found, skip_bad)
 
 

@@ -20,8 +20,8 @@ import tyro
 from lss_core.data.splits import official_scenes
 from lss_core.errors import DataError
 from lss_core.files import clear_leftovers, name_errors, sole_writer, write_atomically
+from lss_core.progress import progress
 from shoot.parallel import run_jobs
-from shoot.progress import progress
 from shoot.world.capture import LIDAR, SceneOrder, capture_scene, texel_m
 from shoot.world.maps import canvas_of, merge_layers, town_layers, town_mask, write_mask
 from shoot.world.paint import paint_unlit

@@ -19,13 +19,16 @@ def on_terminal() -> bool:
 
 
 @contextmanager
-def progress(what: str, total: int, done: int = 0) -> Iterator[Callable[[int], None]]:
+def progress(
+    what: str, total: int, done: int = 0, is_passing: bool = False
+) -> Iterator[Callable[[int], None]]:
     """Yields a function that is told how many more of `total` pieces are done.
 
     Args:
         what: The pieces, as "Scenes".
         total: How many there are.
         done: How many were done before.
+        is_passing: Take the bar away at the end.
     """
     columns = (
         TextColumn("{task.description}"),
@@ -33,7 +36,7 @@ def progress(what: str, total: int, done: int = 0) -> Iterator[Callable[[int], N
         MofNCompleteColumn(),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, disable=not on_terminal()) as bar:
+    with Progress(*columns, transient=is_passing, disable=not on_terminal()) as bar:
         task = bar.add_task(what, total=total, completed=done)
         said_s = time.monotonic()
 
