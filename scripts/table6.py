@@ -9,6 +9,7 @@ are made from these records alone: copied there from other machines, they count 
 
 import logging
 import os
+import signal
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -75,6 +76,9 @@ def table6(config: TableConfig) -> list[str]:
 
 if __name__ == "__main__":
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, lambda number, _: sys.exit(128 + number))
     left = table6(tyro.cli(TableConfig, description=__doc__))
     if left:
         sys.exit(f"These runs failed: {', '.join(left)}.")

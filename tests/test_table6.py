@@ -2,7 +2,11 @@
 
 import importlib
 import json
+import os
 import re
+import subprocess
+import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +14,7 @@ import pytest
 from world_fixture import SMALL_FLAGS, TinyRun
 
 from lss_core.errors import DataError
+from lss_core.files import sole_writer
 
 ROOT = Path(__file__).parents[1]
 FLAGS = (*SMALL_FLAGS, "--optim.steps", "2", "--val-every", "2")
@@ -72,6 +77,34 @@ def test_runs_are_trained_evaluated_and_not_repeated(table: Any, place: Any) -> 
     line = next(line for line in text.splitlines() if line.startswith("| **camera**"))
     cells = [cell.strip() for cell in line.split("|")]
     assert cells[3].startswith(f"{sum(top10) / 2:.1f} ({min(top10):.1f} to {max(top10):.1f}) [")
+
+
+@pytest.mark.slow
+def test_what_ends_the_queue_ends_its_runs_with_a_checkpoint(place: Any) -> None:
+    code = (
+        "import signal, sys\n"
+        "from pathlib import Path\n"
+        "signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))\n"
+        "from planning_table import experiments, work\n"
+        "folder, records, *flags = sys.argv[1:]\n"
+        "runs = [experiments.Experiment('camera', 'small', seed) for seed in (0, 1)]\n"
+        "work.run_all(runs, work.Place(Path(folder), Path(records)), 1, flags)\n"
+    )
+    flags = [*SMALL_FLAGS, "--optim.steps", "100000", "--val-every", "100000"]
+    queue = subprocess.Popen(
+        [sys.executable, "-c", code, place.folder, place.records, *flags],
+        env={**os.environ, "PYTHONPATH": f"{ROOT / 'scripts'}:{ROOT}"},
+    )
+    run = place.folder / "camera-0"
+    while not (run / "metrics.csv").exists():
+        assert queue.poll() is None, "the queue has ended"
+        time.sleep(0.1)
+    queue.terminate()
+    assert queue.wait(timeout=60.0) == 143
+    assert (run / "checkpoints" / "last.ckpt").is_file()
+    with sole_writer(run):  # nobody is left who writes into it
+        pass
+    assert not (place.folder / "camera-1").exists()
 
 
 def test_a_failing_run_is_named_and_leaves_no_record(table: Any, place: Any) -> None:

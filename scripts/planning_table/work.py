@@ -80,69 +80,95 @@ def prepare(place: Place, train_scenes: int, val_scenes: int, k: int, workers: i
 def run_all(
     experiments: Sequence[Experiment], place: Place, jobs: int, flags: Sequence[str] = ()
 ) -> list[str]:
-    """Train and evaluate what has no record yet; returns the names of runs that failed."""
+    """Train and evaluate what has no record yet; returns the names of runs that failed.
+
+    What ends it, as Ctrl-C, ends the runs under way too, each after its step; next time they go on.
+    """
     waiting = [e for e in experiments if not place.record(e).exists()]
     logger.info(f"{len(experiments) - len(waiting)} of {len(experiments)} runs are done.")
+    queue = _Queue(place, jobs, flags)
     with ThreadPoolExecutor(jobs) as pool:
-        results = pool.map(lambda e: (e.name, _run(e, place, jobs, flags)), waiting)
-        return [name for name, is_done in results if not is_done]
-
-
-def _run(experiment: Experiment, place: Place, jobs: int, flags: Sequence[str]) -> bool:
-    folder = place.folder / experiment.name
-    folder.mkdir(parents=True, exist_ok=True)
-    report, evaluated_in = folder / "report.json", folder / "evaluation_time.json"
-    if not (folder / "training_time.json").exists():
-        logger.info(f"{experiment.name}: training")
-        train = [
-            "train", experiment.preset, "--data.root", str(place.world),
-            "--templates", str(place.templates), "--out", str(folder),
-            "--seed", str(experiment.seed), "--resume", *experiment.flags, *flags,
-        ]  # fmt: skip
-        # Written at the last step only: a run that was ended from outside is not done.
-        if not _call(train, folder, jobs) or not (folder / "training_time.json").exists():
-            return False
-    if not evaluated_in.exists():
-        logger.info(f"{experiment.name}: evaluation")
-        started = time.monotonic()
-        page = str(folder / "report.html")
-        if not _call(["evaluate", str(folder), "--out", str(report), "--html", page], folder, jobs):
-            return False
-        with write_atomically(evaluated_in) as stream:
-            stream.write(json.dumps({"evaluate_s": time.monotonic() - started}).encode())
-    record = record_of(experiment, folder, jobs)
-    save_record(record, place.record(experiment))
-    logger.info(f"{experiment.name}: top-10 {record['methods']['model']['top10']['value']:.1f} %")
-    return True
-
-
-def _call(command: Sequence[str], folder: Path, jobs: int) -> bool:
-    """Run a console command of ours; what it says goes to the run's log, and the end of it here."""
-    name, *arguments = command
-    code = f"from shoot.cli.{name} import main; main()"
-    threads = max(1, len(os.sched_getaffinity(0)) // jobs)
-    log = folder / f"{name}.log"
-    with log.open("ab") as stream:
-        process = subprocess.Popen(
-            [sys.executable, "-c", code, *arguments],
-            stdout=stream,
-            stderr=stream,
-            env={**os.environ, "OMP_NUM_THREADS": str(threads)},
-        )
+        results = pool.map(queue.run, waiting)
         try:
-            while True:
-                try:
-                    status = process.wait(timeout=_STATUS_S)
-                    break
-                except subprocess.TimeoutExpired:
-                    logger.info(f"{folder.name}: {name}, {_progress(folder)}")
+            return [e.name for e, is_done in zip(waiting, results, strict=True) if not is_done]
         except BaseException:
-            process.terminate()
+            pool.shutdown(wait=False, cancel_futures=True)
+            queue.terminate()
             raise
-    if status:
-        last = log.read_text(errors="replace").strip().splitlines()[-1:]
-        logger.info(f"{folder.name}: {name} failed ({status}): {''.join(last)}; see {log}")
-    return status == 0
+
+
+class _Queue:
+    """Does runs, each in processes of its own."""
+
+    def __init__(self, place: Place, jobs: int, flags: Sequence[str]) -> None:
+        self._place, self._jobs, self._flags = place, jobs, flags
+        self._under_way: set[subprocess.Popen[bytes]] = set()
+
+    def run(self, experiment: Experiment) -> bool:
+        """Train and evaluate, as far as that is left to do; whether it went well."""
+        place = self._place
+        folder = place.folder / experiment.name
+        folder.mkdir(parents=True, exist_ok=True)
+        trained_in, evaluated_in = folder / "training_time.json", folder / "evaluation_time.json"
+        if not trained_in.exists():
+            logger.info(f"{experiment.name}: training")
+            train = [
+                "train", experiment.preset, "--data.root", str(place.world),
+                "--templates", str(place.templates), "--out", str(folder),
+                "--seed", str(experiment.seed), "--resume", *experiment.flags, *self._flags,
+            ]  # fmt: skip
+            # Written at the last step only: a run that was ended from outside is not done.
+            if not self._call(train, folder) or not trained_in.exists():
+                return False
+        if not evaluated_in.exists():
+            logger.info(f"{experiment.name}: evaluation")
+            started = time.monotonic()
+            report, page = str(folder / "report.json"), str(folder / "report.html")
+            if not self._call(["evaluate", str(folder), "--out", report, "--html", page], folder):
+                return False
+            with write_atomically(evaluated_in) as stream:
+                stream.write(json.dumps({"evaluate_s": time.monotonic() - started}).encode())
+        record = record_of(experiment, folder, self._jobs)
+        save_record(record, place.record(experiment))
+        top10 = record["methods"]["model"]["top10"]["value"]
+        logger.info(f"{experiment.name}: top-10 {top10:.1f} %")
+        return True
+
+    def terminate(self) -> None:
+        """Ask what is under way to end."""
+        for process in list(self._under_way):
+            process.terminate()
+
+    def _call(self, command: Sequence[str], folder: Path) -> bool:
+        """Run a console command of ours; what it says goes to the run's log, the end of it here."""
+        name, *arguments = command
+        code = f"from shoot.cli.{name} import main; main()"
+        threads = max(1, len(os.sched_getaffinity(0)) // self._jobs)
+        log = folder / f"{name}.log"
+        with log.open("ab") as stream:
+            process = subprocess.Popen(
+                [sys.executable, "-c", code, *arguments],
+                stdout=stream,
+                stderr=stream,
+                env={**os.environ, "OMP_NUM_THREADS": str(threads)},
+                start_new_session=True,  # else Ctrl-C reaches it twice: the second ends at once
+            )
+            self._under_way.add(process)
+            while (status := _wait(process)) is None:
+                logger.info(f"{folder.name}: {name}, {_progress(folder)}")
+            self._under_way.remove(process)
+        if status:
+            last = log.read_text(errors="replace").strip().splitlines()[-1:]
+            logger.info(f"{folder.name}: {name} failed ({status}): {''.join(last)}; see {log}")
+        return status == 0
+
+
+def _wait(process: "subprocess.Popen[bytes]") -> int | None:
+    """Its exit status; None if it goes on for long."""
+    try:
+        return process.wait(timeout=_STATUS_S)
+    except subprocess.TimeoutExpired:
+        return None
 
 
 def _progress(folder: Path) -> str:
