@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from planning_table.cells import markdown, paired, spread
 from planning_table.experiments import PLANNERS
-from planning_table.records import Record, base_of
+from planning_table.records import Record, bases_of
 
 _METRICS = {"top10": "top-10, %", "nll": "NLL, nats"}
 
@@ -62,9 +62,13 @@ def _limits(first: Sequence[Record], again: Sequence[Record]) -> str:
         for metric in _METRICS:
             for records in (first, again):
                 own = next(r for r in records if r["name"] == record["name"])
-                base = base_of(own, records)
-                row += [] if base is None else [paired([own], [base], metric)]
+                bases = bases_of(own, records)
+                row += [paired([own], bases, metric)] if bases else []
         if len(row) > 1:
             rows.append(row)
+    if not rows:
+        return ""
     header = ["run", "top-10, change", "again", "NLL, change", "again"]
-    return markdown(header, rows) if rows else ""
+    return "What was changed, from the mean over each time's own seeds:\n\n" + markdown(
+        header, rows
+    )

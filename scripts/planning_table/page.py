@@ -8,7 +8,7 @@ from marked_page import fill_page
 from planning_table.again import again_tables
 from planning_table.cells import markdown, paired, spread, value_cell
 from planning_table.experiments import PLANNERS
-from planning_table.records import Record, base_of
+from planning_table.records import Record, bases_of
 
 # Lang et al.'s PointPillars and the camera planner, on nuScenes (the paper's Table 6).
 _PAPER = {
@@ -37,6 +37,7 @@ _FURTHER = {
     "off_road_3s": "off-road 3 s, %",
     "comfort": "comfort, %",
 }
+_CHANGED = {"top10": _MAIN["top10"], "nll": _MAIN["nll"], "min_ade_10": _FURTHER["min_ade_10"]}
 
 
 def write_tables(records: Sequence[Record], page: Path, again: Sequence[Record] = ()) -> None:
@@ -211,25 +212,30 @@ def _speed_table(runs: dict[str, list[Record]]) -> str:
 
 
 def _limit_table(records: Sequence[Record]) -> str:
-    changed = {record["preset"] for record in records if record["flags"]}
+    changed = [record for record in records if record["flags"]]
     rows = []
-    for record in (r for r in records if r["preset"] in changed):
-        model = record["methods"]["model"]
-        cells = [value_cell(model[m], m) for m in ("top10", "nll", "min_ade_10")]
-        base = base_of(record, records)
-        if base is not None:
-            less = [paired([record], [base], metric) for metric in ("top10", "nll")]
+    for preset in dict.fromkeys(record["preset"] for record in changed):
+        own = [record for record in changed if record["preset"] == preset]
+        bases = bases_of(own[0], records)
+        if bases:
+            cells = [_model_cell(bases, metric) for metric in _CHANGED]
+            rows.append([f"`{bases[0]['planner']}`", *cells, "", ""])
+        for record in own:
+            cells = [_model_cell([record], metric) for metric in _CHANGED]
+            less = [paired([record], bases, m) if bases else "-" for m in ("top10", "nll")]
             rows.append([f"`{record['name']}` ({' '.join(record['flags'])})", *cells, *less])
-        elif not record["flags"] and record["seed"] == 0:
-            rows.append([f"`{record['name']}`", *cells, "", ""])
-    if not changed:
+    if not rows:
         return ""
-    header = ["run", "top-10, %", "NLL, nats", "minADE_10, m", "top-10, change", "NLL, change"]
     return (
-        "One thing changed at a time, seed 0; changes are paired with the same planner's run above "
-        "it. Three seeds of one planner differ by as much as the first table says:\n\n"
-        + markdown(header, rows)
+        "One thing changed at a time, in one run each; changes are from the mean over the seeds of "
+        "the same planner above it, paired over scenes. A single run lies as far from that mean as "
+        "its seed takes it:\n\n"
+        + markdown(["run", *_CHANGED.values(), "top-10, change", "NLL, change"], rows)
     )
+
+
+def _model_cell(own: Sequence[Record], metric: str) -> str:
+    return spread(own, lambda record: record["methods"]["model"][metric], metric)
 
 
 def _first(runs: dict[str, list[Record]]) -> Record:

@@ -66,10 +66,11 @@ def load_records(folder: Path) -> list[Record]:
     return [_read(path) for path in sorted(folder.glob("*.json"))]
 
 
-def base_of(record: Record, records: Sequence[Record]) -> Record | None:
-    """The run of which a record's run changed one thing, if it is among the records."""
-    same = (r for r in records if not r["flags"] and r["preset"] == record["preset"])
-    return next((r for r in same if record["flags"] and r["seed"] == record["seed"]), None)
+def bases_of(record: Record, records: Sequence[Record]) -> list[Record]:
+    """The runs of which a record's run changed one thing: those of every seed, none of itself."""
+    if not record["flags"]:
+        return []
+    return [r for r in records if not r["flags"] and r["preset"] == record["preset"]]
 
 
 def _part(part: Record) -> Record:
