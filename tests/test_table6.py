@@ -165,16 +165,20 @@ def test_runs_made_twice_are_compared_as_far_as_both_are_there(table: Any) -> No
     for record in again:
         for scene in record["by_scene"].values():
             scene["top10"] += 2.0
-    setting, planners, limits = table.again.again_tables(records, again)
+    setting, planners, differences, limits = table.again.again_tables(records, again)
     assert f"{len(again)} runs" in setting
     assert "the same" in setting
-    lines = planners.splitlines()[2:]
-    assert [line.split("|")[1].strip() for line in lines] == ["camera", "lidar, 10 scans"]
-    assert all("+2.0 [+2.0, +2.0]" in line and "+0.00 [+0.00, +0.00]" in line for line in lines)
-    for line in limits.splitlines()[4:]:  # what was changed makes the same difference in both
-        cells = [cell.strip() for cell in line.split("|")]
-        assert cells[2] == cells[3]
-        assert cells[4] == cells[5]
+    rows = [line.split(" | ") for line in planners.splitlines()[2:]]
+    assert [row[1] for row in rows] == 2 * ["first", "again", "again minus first"]
+    assert [row[0] for row in rows[::3]] == ["| camera: 0, 1, 2", "| lidar, 10 scans: 0, 1, 2"]
+    assert all(row[3] == "+2.0 [+2.0, +2.0]" for row in rows[2::3])
+    assert all(row[5] == "+0.00 [+0.00, +0.00] |" for row in rows[2::3])
+    lines = differences.splitlines()[2:]
+    assert [line.split(" | ")[:2] for line in lines] == [["| lidar, 10 scans", "camera"]]
+    for line in lines + limits.splitlines()[4:]:  # all differences are the same in both
+        *_, top10, top10_again, nll, nll_again, _ = (cell.strip() for cell in line.split("|"))
+        assert top10 == top10_again
+        assert nll == nll_again
     assert len(limits.splitlines()) == 4 + sum(bool(record["flags"]) for record in records)
     assert table.again.again_tables(records, []) == []
 

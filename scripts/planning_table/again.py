@@ -2,11 +2,12 @@
 
 from collections.abc import Sequence
 
-from planning_table.cells import markdown, paired, spread
-from planning_table.experiments import PLANNERS
+from planning_table.cells import markdown, model_spread, paired
+from planning_table.experiments import MAIN_METRICS, PAIRS, PLANNERS
 from planning_table.records import Record, bases_of
 
-_METRICS = {"top10": "top-10, %", "nll": "NLL, nats"}
+# What records have scene by scene, so that it can be paired.
+_BY_SCENE = {"top10": "top-10, points", "nll": "NLL, nats"}
 
 
 def again_tables(first: Sequence[Record], again: Sequence[Record]) -> list[str]:
@@ -20,7 +21,7 @@ def again_tables(first: Sequence[Record], again: Sequence[Record]) -> list[str]:
     if not names:
         return []
     both = [[r for r in records if r["name"] in names] for records in (first, again)]
-    return [_setting(both), _planners(*both), _limits(*both)]
+    return [_setting(both), _planners(*both), _differences(*both), _limits(*both)]
 
 
 def _setting(both: Sequence[Sequence[Record]]) -> str:
@@ -38,37 +39,47 @@ def _setting(both: Sequence[Sequence[Record]]) -> str:
 def _planners(first: Sequence[Record], again: Sequence[Record]) -> str:
     rows = []
     for planner, label in PLANNERS.items():
-        own = [[r for r in records if r["planner"] == planner] for records in (first, again)]
-        if own[0]:
-            row = [label, ", ".join(str(r["seed"]) for r in own[0])]
-            for metric in _METRICS:
-                row += [_spread(records, metric) for records in own]
-                row.append(paired(own[1], own[0], metric))
-            rows.append(row)
-    header = ["planner", "seeds"]
-    for label in _METRICS.values():
-        header += [label, "again", "again minus first"]
-    return markdown(header, rows) if rows else ""
+        own = [_of_planner(records, planner) for records in (first, again)]
+        if not own[0]:
+            continue
+        seeds = ", ".join(str(record["seed"]) for record in own[0])
+        for name, when, records in ((f"{label}: {seeds}", "first", own[0]), ("", "again", own[1])):
+            rows.append([name, when, *(model_spread(records, metric) for metric in MAIN_METRICS)])
+        less = [paired(own[1], own[0], m) if m in _BY_SCENE else "" for m in MAIN_METRICS]
+        rows.append(["", "again minus first", *less])
+    return markdown(["planner: seeds", "", *MAIN_METRICS.values()], rows) if rows else ""
 
 
-def _spread(own: Sequence[Record], metric: str) -> str:
-    return spread(own, lambda record: record["methods"]["model"][metric], metric)
+def _differences(first: Sequence[Record], again: Sequence[Record]) -> str:
+    rows = []
+    for less, more in PAIRS:
+        times = [(_of_planner(r, more), _of_planner(r, less)) for r in (first, again)]
+        if all(times[0]):
+            cells = [paired(*own, metric) for metric in _BY_SCENE for own in times]
+            rows.append([PLANNERS[more], PLANNERS[less], *cells])
+    return markdown(["planner", "minus", *_header()], rows) if rows else ""
+
+
+def _of_planner(records: Sequence[Record], planner: str) -> list[Record]:
+    return [record for record in records if record["planner"] == planner]
 
 
 def _limits(first: Sequence[Record], again: Sequence[Record]) -> str:
     rows = []
-    for record in first:
-        row = [f"`{record['name']}`"]
-        for metric in _METRICS:
-            for records in (first, again):
-                own = next(r for r in records if r["name"] == record["name"])
-                bases = bases_of(own, records)
-                row += [paired([own], bases, metric)] if bases else []
-        if len(row) > 1:
-            rows.append(row)
+    for name in (record["name"] for record in first if record["flags"]):
+        times = []
+        for records in (first, again):
+            own = next(record for record in records if record["name"] == name)
+            times.append(([own], bases_of(own, records)))
+        if all(bases for _, bases in times):
+            cells = [paired(*own, metric) for metric in _BY_SCENE for own in times]
+            rows.append([f"`{name}`", *cells])
     if not rows:
         return ""
-    header = ["run", "top-10, change", "again", "NLL, change", "again"]
     return "What was changed, from the mean over each time's own seeds:\n\n" + markdown(
-        header, rows
+        ["run", *_header()], rows
     )
+
+
+def _header() -> list[str]:
+    return [cell for label in _BY_SCENE.values() for cell in (f"{label}: first", "again")]

@@ -49,6 +49,11 @@ def spread(own: Sequence[Record], of: Callable[[Record], dict[str, Any]], metric
     return " ".join((text.split(" ")[0], seeds, *text.split(" ")[1:]))
 
 
+def model_spread(own: Sequence[Record], metric: str) -> str:
+    """`spread` of the planner itself, on all samples."""
+    return spread(own, lambda record: record["methods"]["model"][metric], metric)
+
+
 def value_cell(interval: dict[str, float | None] | None, metric: str, sign: bool = False) -> str:
     """The value with its bounds, where it has any."""
     if interval is None or interval["value"] is None:

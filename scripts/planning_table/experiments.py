@@ -4,6 +4,14 @@ from dataclasses import dataclass
 
 SEEDS = (0, 1, 2)
 PLANNERS = {"camera": "camera", "lidar1": "lidar, 1 scan", "lidar10": "lidar, 10 scans"}
+# In the paper's order: the second sees more than the first.
+PAIRS = (("camera", "lidar1"), ("camera", "lidar10"), ("lidar1", "lidar10"))
+MAIN_METRICS = {
+    "top5": "top-5, %",
+    "top10": "top-10, %",
+    "top20": "top-20, %",
+    "nll": "NLL, nats",
+}
 HALF = "train_half"  # a split of half the training scenes
 
 

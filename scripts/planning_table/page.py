@@ -6,8 +6,8 @@ from pathlib import Path
 from marked_page import fill_page
 
 from planning_table.again import again_tables
-from planning_table.cells import markdown, paired, spread, value_cell
-from planning_table.experiments import PLANNERS
+from planning_table.cells import markdown, model_spread, paired, spread, value_cell
+from planning_table.experiments import MAIN_METRICS, PAIRS, PLANNERS
 from planning_table.records import Record, bases_of
 
 # Lang et al.'s PointPillars and the camera planner, on nuScenes (the paper's Table 6).
@@ -25,7 +25,6 @@ _BASELINES = {
     "constant_yaw_rate": "constant yaw rate *",
     "past_motion": "past motion (MLP) *",
 }
-_MAIN = {"top5": "top-5, %", "top10": "top-10, %", "top20": "top-20, %", "nll": "NLL, nats"}
 _FURTHER = {
     "ece": "ECE, %",
     "brier": "Brier",
@@ -37,7 +36,11 @@ _FURTHER = {
     "off_road_3s": "off-road 3 s, %",
     "comfort": "comfort, %",
 }
-_CHANGED = {"top10": _MAIN["top10"], "nll": _MAIN["nll"], "min_ade_10": _FURTHER["min_ade_10"]}
+_CHANGED = {
+    "top10": MAIN_METRICS["top10"],
+    "nll": MAIN_METRICS["nll"],
+    "min_ade_10": _FURTHER["min_ade_10"],
+}
 
 
 def write_tables(records: Sequence[Record], page: Path, again: Sequence[Record] = ()) -> None:
@@ -92,17 +95,14 @@ def _setting(runs: dict[str, list[Record]]) -> str:
 def _planning_table(runs: dict[str, list[Record]]) -> str:
     rows = []
     for name, own in runs.items():
-        cells = [
-            spread(own, lambda r, m=m: r["methods"]["model"][m], m)  # type: ignore[misc]
-            for m in _MAIN
-        ]
+        cells = [model_spread(own, metric) for metric in MAIN_METRICS]
         rows.append([f"**{PLANNERS[name]}**", *cells, _PAPER[name]])
     one = next(iter(runs.values()))[0]
     for name, label in _BASELINES.items():
         if name in one["methods"]:
             metrics = one["methods"][name]
-            rows.append([label, *(value_cell(metrics[m], m) for m in _MAIN), ""])
-    header = ["planner", *_MAIN.values(), "paper, nuScenes: top-5 / 10 / 20, %"]
+            rows.append([label, *(value_cell(metrics[m], m) for m in MAIN_METRICS), ""])
+    header = ["planner", *MAIN_METRICS.values(), "paper, nuScenes: top-5 / 10 / 20, %"]
     return (
         "Planners: mean over seeds (smallest to largest) [95 % intervals over scenes, from the "
         "lowest end of any seed's to the highest]. Baselines: value [95 % interval]; those with a "
@@ -131,7 +131,7 @@ def _difference_table(runs: dict[str, list[Record]]) -> str:
 
 def _planner_table(runs: dict[str, list[Record]]) -> str:
     rows = []
-    for less, more in (("camera", "lidar1"), ("camera", "lidar10"), ("lidar1", "lidar10")):
+    for less, more in PAIRS:
         if less in runs and more in runs:
             cells = [paired(runs[more], runs[less], metric) for metric in ("top10", "nll")]
             rows.append([PLANNERS[more], PLANNERS[less], *cells])
@@ -147,10 +147,7 @@ def _further_table(runs: dict[str, list[Record]]) -> str:
     shown = {m: label for m, label in _FURTHER.items() if m in _first(runs)["methods"]["model"]}
     rows = []
     for name, own in runs.items():
-        rows.append(
-            [f"**{PLANNERS[name]}**"]
-            + [spread(own, lambda r, m=m: r["methods"]["model"][m], m) for m in shown]  # type: ignore[misc]
-        )
+        rows.append([f"**{PLANNERS[name]}**", *(model_spread(own, metric) for metric in shown)])
     one = _first(runs)
     for name, label in _BASELINES.items():
         if name in one["methods"]:
@@ -218,10 +215,10 @@ def _limit_table(records: Sequence[Record]) -> str:
         own = [record for record in changed if record["preset"] == preset]
         bases = bases_of(own[0], records)
         if bases:
-            cells = [_model_cell(bases, metric) for metric in _CHANGED]
+            cells = [model_spread(bases, metric) for metric in _CHANGED]
             rows.append([f"`{bases[0]['planner']}`", *cells, "", ""])
         for record in own:
-            cells = [_model_cell([record], metric) for metric in _CHANGED]
+            cells = [model_spread([record], metric) for metric in _CHANGED]
             less = [paired([record], bases, m) if bases else "-" for m in ("top10", "nll")]
             rows.append([f"`{record['name']}` ({' '.join(record['flags'])})", *cells, *less])
     if not rows:
@@ -232,10 +229,6 @@ def _limit_table(records: Sequence[Record]) -> str:
         "its seed takes it:\n\n"
         + markdown(["run", *_CHANGED.values(), "top-10, change", "NLL, change"], rows)
     )
-
-
-def _model_cell(own: Sequence[Record], metric: str) -> str:
-    return spread(own, lambda record: record["methods"]["model"][metric], metric)
 
 
 def _first(runs: dict[str, list[Record]]) -> Record:
