@@ -2,12 +2,9 @@
 
 from collections.abc import Sequence
 
-from planning_table.cells import markdown, model_spread, paired
+from planning_table.cells import PAIRED, markdown, model_spread, paired
 from planning_table.experiments import MAIN_METRICS, PAIRS, PLANNERS
 from planning_table.records import Record, bases_of
-
-# What records have scene by scene, so that it can be paired.
-_BY_SCENE = {"top10": "top-10, points", "nll": "NLL, nats"}
 
 
 def again_tables(first: Sequence[Record], again: Sequence[Record]) -> list[str]:
@@ -45,7 +42,7 @@ def _planners(first: Sequence[Record], again: Sequence[Record]) -> str:
         seeds = ", ".join(str(record["seed"]) for record in own[0])
         for name, when, records in ((f"{label}: {seeds}", "first", own[0]), ("", "again", own[1])):
             rows.append([name, when, *(model_spread(records, metric) for metric in MAIN_METRICS)])
-        less = [paired(own[1], own[0], m) if m in _BY_SCENE else "" for m in MAIN_METRICS]
+        less = [paired(own[1], own[0], m) if m in PAIRED else "" for m in MAIN_METRICS]
         rows.append(["", "again minus first", *less])
     return markdown(["planner: seeds", "", *MAIN_METRICS.values()], rows) if rows else ""
 
@@ -55,7 +52,7 @@ def _differences(first: Sequence[Record], again: Sequence[Record]) -> str:
     for less, more in PAIRS:
         times = [(_of_planner(r, more), _of_planner(r, less)) for r in (first, again)]
         if all(times[0]):
-            cells = [paired(*own, metric) for metric in _BY_SCENE for own in times]
+            cells = [paired(*own, metric) for metric in PAIRED for own in times]
             rows.append([PLANNERS[more], PLANNERS[less], *cells])
     return markdown(["planner", "minus", *_header()], rows) if rows else ""
 
@@ -72,7 +69,7 @@ def _limits(first: Sequence[Record], again: Sequence[Record]) -> str:
             own = next(record for record in records if record["name"] == name)
             times.append(([own], bases_of(own, records)))
         if all(bases for _, bases in times):
-            cells = [paired(*own, metric) for metric in _BY_SCENE for own in times]
+            cells = [paired(*own, metric) for metric in PAIRED for own in times]
             rows.append([f"`{name}`", *cells])
     if not rows:
         return ""
@@ -82,4 +79,4 @@ def _limits(first: Sequence[Record], again: Sequence[Record]) -> str:
 
 
 def _header() -> list[str]:
-    return [cell for label in _BY_SCENE.values() for cell in (f"{label}: first", "again")]
+    return [cell for label in PAIRED.values() for cell in (f"{label}: first", "again")]

@@ -9,6 +9,8 @@ import numpy as np
 from planning_table.records import Record
 from shoot.bootstrap import interval
 
+# What records have scene by scene, so that differences of it can be paired.
+PAIRED = {"top10": "top-10, points", "nll": "NLL, nats"}
 _ONE_DIGIT = {"top5", "top10", "top20", "ece", "off_road_3s", "comfort"}
 
 

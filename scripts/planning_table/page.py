@@ -6,7 +6,7 @@ from pathlib import Path
 from marked_page import fill_page
 
 from planning_table.again import again_tables
-from planning_table.cells import markdown, model_spread, paired, spread, value_cell
+from planning_table.cells import PAIRED, markdown, model_spread, paired, spread, value_cell
 from planning_table.experiments import MAIN_METRICS, PAIRS, PLANNERS
 from planning_table.records import Record, bases_of
 
@@ -125,7 +125,7 @@ def _difference_table(runs: dict[str, list[Record]]) -> str:
     return (
         "Planner minus baseline on the same samples, for the seed in which the planner does worst "
         "(paired 95 % intervals over scenes):\n\n"
-        + markdown(["planner", "minus", "top-10, points", "NLL, nats"], rows)
+        + markdown(["planner", "minus", *PAIRED.values()], rows)
     )
 
 
@@ -133,13 +133,13 @@ def _planner_table(runs: dict[str, list[Record]]) -> str:
     rows = []
     for less, more in PAIRS:
         if less in runs and more in runs:
-            cells = [paired(runs[more], runs[less], metric) for metric in ("top10", "nll")]
+            cells = [paired(runs[more], runs[less], metric) for metric in PAIRED]
             rows.append([PLANNERS[more], PLANNERS[less], *cells])
     if not rows:
         return ""
     return (
         "Planner minus planner on the same samples, means over seeds (paired 95 % intervals over "
-        "scenes):\n\n" + markdown(["planner", "minus", "top-10, points", "NLL, nats"], rows)
+        "scenes):\n\n" + markdown(["planner", "minus", *PAIRED.values()], rows)
     )
 
 
@@ -219,7 +219,7 @@ def _limit_table(records: Sequence[Record]) -> str:
             rows.append([f"`{bases[0]['planner']}`", *cells, "", ""])
         for record in own:
             cells = [model_spread([record], metric) for metric in _CHANGED]
-            less = [paired([record], bases, m) if bases else "-" for m in ("top10", "nll")]
+            less = [paired([record], bases, m) if bases else "-" for m in PAIRED]
             rows.append([f"`{record['name']}` ({' '.join(record['flags'])})", *cells, *less])
     if not rows:
         return ""
