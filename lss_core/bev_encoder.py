@@ -8,6 +8,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torchvision.models.resnet import BasicBlock
 
+from lss_core.convolutions import suit_cpus
 from lss_core.grid import CellWindow
 
 
@@ -52,6 +53,7 @@ class BevEncoder(nn.Module):
         self.mix = nn.Sequential(*_conv_bn_relu(c3 + c1, wide), *_conv_bn_relu(wide, wide))
         self.smooth = nn.Sequential(*_conv_bn_relu(wide, narrow))
         self.head = nn.Conv2d(narrow, out_channels, 1, bias=out_channels > 1)
+        suit_cpus(self)
         for module in self.modules():
             if isinstance(module, nn.Conv2d):
                 nn.init.kaiming_normal_(module.weight, mode="fan_out", nonlinearity="relu")

@@ -17,7 +17,7 @@ from timm.models.efficientnet import EfficientNetFeatures
 from timm.models.mobilenetv3 import MobileNetV3Features
 from torch import Tensor, nn
 
-from lss_core.depthwise import train_depthwise_in_float32
+from lss_core.convolutions import suit_cpus
 from lss_core.errors import DataError
 
 IMAGENET_MEAN = (0.485, 0.456, 0.406)
@@ -121,7 +121,7 @@ def create_backbone(
         # timm's EfficientNets keep the stages nobody reads, its other networks do not.
         last_stage = max(info["stage"] for info in _feature_info(net).get_dicts())
         net.blocks = net.blocks[:last_stage]
-    train_depthwise_in_float32(net)
+    suit_cpus(net)
     channels = _feature_info(net).channels()
     normalisation = getattr(net, "pretrained_cfg", None) or {}
     mean = IMAGENET_MEAN if options else normalisation.get("mean", IMAGENET_MEAN)
