@@ -25,7 +25,7 @@ def frustum_points(
     depths_m: Float[Tensor, "D"] | Sequence[float],
     pixel_from_camera: Float[Tensor, "B N 3 3"],
     ego_from_camera: Float[Tensor, "B N 4 4"],
-    centers: Literal["cell", "released"] = "cell",
+    centers: Literal["cell", "released"] | Float[Tensor, "2"] = "cell",
 ) -> Float[Tensor, "B N D H W 3"]:
     """Where each feature cell would lie in `ego` at each depth, in metres, float32.
 
@@ -41,7 +41,8 @@ def frustum_points(
         pixel_from_camera: Intrinsics of the network's image, augmentation folded in.
         ego_from_camera: Camera poses.
         centers: `released` spreads the cells evenly from the first to the last pixel instead, as
-            the released perception code does.
+            the released perception code does. Two numbers: feature cell (0, 0) stands for this
+            pixel (u, v), cell i along an axis for s * i pixels more.
 
     Raises:
         ValueError: If the image is not a whole number of feature cells.
@@ -55,8 +56,11 @@ def frustum_points(
     device = pixel_from_camera.device
     with torch.autocast(device.type, enabled=False), torch.no_grad():
         depth_m = torch.as_tensor(depths_m, dtype=torch.float64, device=device)
-        u_px = _cell_centres(width_px, stride, centers).to(device)
-        v_px = _cell_centres(height_px, stride, centers).to(device)
+        u_px, v_px = (
+            _cell_centres(length_px, stride, centers if isinstance(centers, str) else centers[axis])
+            for axis, length_px in enumerate((width_px, height_px))
+        )
+        u_px, v_px = u_px.to(device), v_px.to(device)
         v_grid, u_grid = torch.meshgrid(v_px, u_px, indexing="ij")
         pixels = torch.stack([u_grid, v_grid, torch.ones_like(u_grid)], dim=-1)  # H W 3
         camera_from_pixel = torch.linalg.inv(pixel_from_camera.double())
@@ -70,10 +74,13 @@ def frustum_points(
 
 
 def _cell_centres(
-    length_px: int, stride: int, centers: Literal["cell", "released"]
+    length_px: int, stride: int, centers: Literal["cell", "released"] | Float[Tensor, ""]
 ) -> Float[Tensor, "S"]:
     """Pixel coordinate that each feature cell along one side stands for."""
     count = length_px // stride
+    if isinstance(centers, Tensor):
+        first_px = centers.double()
+        return torch.arange(count, dtype=torch.float64, device=centers.device) * stride + first_px
     if centers == "released":
         return torch.linspace(0.0, length_px - 1.0, count, dtype=torch.float64)
     return torch.arange(count, dtype=torch.float64) * stride + (stride - 1) / 2.0

@@ -1,5 +1,7 @@
 """The models: what the sensors of a car see in, a bird's-eye-view map out."""
 
+from typing import Literal
+
 import torch
 from jaxtyping import Bool, Float, Int, Shaped
 from torch import Tensor, nn
@@ -8,6 +10,7 @@ from lss_core.batch import Batch
 from lss_core.bev_encoder import BevEncoder
 from lss_core.camera import frustum_points
 from lss_core.config import DataConfig, ModelConfig
+from lss_core.feature_centres import first_feature_px
 from lss_core.image_encoder import ImageEncoder
 from lss_core.lidar_encoder import PillarEncoder
 from lss_core.splat import SplatCache, SplatIndex, build_splat_index, pool
@@ -18,6 +21,7 @@ class CameraModel(nn.Module):
 
     Attributes:
         cache: Splat indices of the calibrations seen last.
+        first_px: (u, v) of the pixel that feature cell (0, 0) looks at; None unless measured.
 
     Paper: section 3.
 
@@ -30,6 +34,8 @@ class CameraModel(nn.Module):
         ValueError: If the images are not a whole number of feature cells.
         DataError: If the backbone or its weights cannot be had.
     """
+
+    first_px: Tensor | None
 
     def __init__(
         self, config: ModelConfig, image_hw: tuple[int, int], out_channels: int = 1
@@ -52,6 +58,14 @@ class CameraModel(nn.Module):
             neck_channels=config.neck_channels,
         )
         self.bev_encoder = _bev_encoder(config, out_channels)
+        # Measured once: checkpoints carry it, as the weights of a trained network say other pixels.
+        measured = config.frustum == "sampled"
+        self.register_buffer(
+            "first_px",
+            torch.tensor(first_feature_px(self.image_encoder, config.image_stride))
+            if measured
+            else None,
+        )
 
     def forward(
         self,
@@ -144,6 +158,14 @@ class CameraModel(nn.Module):
             images = images.float() / 255.0
         return images.contiguous(memory_format=torch.channels_last)
 
+    @property
+    def _centers(self) -> Literal["cell", "released"] | Tensor:
+        frustum = self.config.frustum
+        if frustum == "sampled":
+            assert self.first_px is not None
+            return self.first_px
+        return frustum
+
     def splat_indices(
         self,
         pixel_from_camera: Float[Tensor, "B N 3 3"],
@@ -164,7 +186,7 @@ class CameraModel(nn.Module):
                 self.config.depth.depths_m,
                 torch.where(there, pixel_from_camera[b], eye)[None],
                 ego_from_camera[b][None],
-                centers=self.config.frustum,
+                centers=self._centers,
             )
             index = build_splat_index(
                 points_ego,
