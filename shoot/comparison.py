@@ -9,7 +9,6 @@ import torch
 from jaxtyping import Float
 from numpy.typing import NDArray
 
-from lss_core.config import DataConfig
 from shoot.baselines import (
     constant_velocity_futures,
     constant_yaw_rate_futures,
@@ -20,7 +19,7 @@ from shoot.baselines import (
     fit_speed_prior,
     standing_still_log_prob,
 )
-from shoot.datamodule import LabelledSplit, load_split
+from shoot.datamodule import FITTED_ON, LabelledSplit, check_unseen, load_split
 from shoot.driving_checks import DrivingChecks
 from shoot.evaluation import MODEL, Report, condition_of, evaluate
 from shoot.known_speed import tell_speed
@@ -28,6 +27,7 @@ from shoot.metrics import negative_log_likelihood, ranks
 from shoot.planner import Planner
 from shoot.prediction import TrainedRun, predict
 from shoot.templates import TemplateSet
+from shoot.training_motion import TrainingMotion
 from shoot.trajectories import Futures
 
 Array = NDArray[Any]
@@ -50,15 +50,10 @@ class Scored:
 
 
 def compare(run: TrainedRun, split: str, fast: bool = False) -> Report:
-    """Score a run and its baselines on the same samples, and sum it up.
-
-    Args:
-        run: Trained planner.
-        split: Scenes to score on.
-        fast: Predict by `FastPlanner`.
+    """Score a run and its baselines on the same samples, and sum it up; see `score`.
 
     Raises:
-        DataError: If data is not as it should be.
+        DataError: If data is not as it should be, or the run has seen it.
     """
     return sum_up(run, score(run, split, fast), split)
 
@@ -111,15 +106,19 @@ def _by_scene(samples: LabelledSplit, log_prob: Array) -> dict[str, dict[str, fl
     return found
 
 
-def score(run: TrainedRun, split: str, fast: bool = False) -> Scored:
+def score(
+    run: TrainedRun, split: str, fast: bool = False, allow_seen_scenes: bool = False
+) -> Scored:
     """What a run and its baselines say of the samples of a split.
 
-    The baselines are fitted on the run's training labels, never on `split`.
+    The baselines are fitted on the run's training labels, which it keeps: whatever data is scored,
+    they know what the run could know.
 
     Args:
         run: Trained planner.
         split: Scenes to score on.
         fast: Predict by `FastPlanner`.
+        allow_seen_scenes: Score also scenes that the run was trained on, or its templates fitted.
 
     Returns:
         `model`, the methods of `baseline_log_probs`, and `model_knowing_speed`: what the model
@@ -127,10 +126,14 @@ def score(run: TrainedRun, split: str, fast: bool = False) -> Scored:
         the speed, which cameras alone do not tell, would add.
 
     Raises:
-        DataError: If data is not as it should be.
+        DataError: If data is not as it should be, or the run has seen it.
     """
     samples = load_split(run.config.data, split, run.templates)
-    known = _training_labels(run)
+    known = TrainingMotion.load(run.folder.motion_file, run.templates)
+    if not allow_seen_scenes:
+        tokens = samples.scene_tokens
+        check_unseen(tokens, known.scene_token.tolist(), "The run was trained on")
+        check_unseen(tokens, run.templates.scene_tokens, FITTED_ON)
     model = predict(run, samples, fast)
     log_probs: dict[str, Array] = {MODEL: model}
     log_probs |= baseline_log_probs(known, samples, run.templates, run.module.planner)
@@ -139,7 +142,7 @@ def score(run: TrainedRun, split: str, fast: bool = False) -> Scored:
 
 
 def baseline_log_probs(
-    train: LabelledSplit, split: LabelledSplit, templates: TemplateSet, planner: Planner
+    train: TrainingMotion, split: LabelledSplit, templates: TemplateSet, planner: Planner
 ) -> dict[str, Array]:
     """Log-probabilities of what any planner must beat.
 
@@ -154,7 +157,7 @@ def baseline_log_probs(
         what cameras do not show: `speed_prior` the speed, `constant_velocity` also its direction,
         `constant_yaw_rate` also the rate of turning, `past_motion` the last two seconds.
     """
-    points, past, labels = templates.points, train.futures, train.labels
+    points, past, labels = templates.points, train.past, train.labels
     log_prior = fit_prior(labels, past.scene, len(points))
     known, split_known = _is_known(past), _is_known(split.futures)
     speed_prior = fit_speed_prior(_speed_mps(past), known, labels, past.scene, len(points))
@@ -174,11 +177,6 @@ def baseline_log_probs(
         "past_motion": fit_past_motion(past, labels, points).log_prob(split.futures),
         "blind": fit_blind(blind_planner, labels, past.scene).log_prob,
     }
-
-
-def _training_labels(run: TrainedRun) -> LabelledSplit:
-    data: DataConfig = run.config.data
-    return load_split(data, run.config.train_split, run.templates, need_files=False)
 
 
 def _is_known(futures: Futures) -> NDArray[np.bool_]:

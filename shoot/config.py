@@ -74,6 +74,7 @@ class TrainConfig:
             where this machine is clearly faster in it, tried at the start; the run keeps it.
         seed: Of everything random.
         resume: Go on from the run's last checkpoint.
+        allow_seen_scenes: Validate also on scenes that the templates were fitted on.
     """
 
     # A misspelt key in a config file must not pass for the default; nested classes inherit this.
@@ -97,6 +98,7 @@ class TrainConfig:
     precision: Precision | Literal["auto"] = "32-true"
     seed: int = 0
     resume: bool = False
+    allow_seen_scenes: bool = False
 
     def __post_init__(self) -> None:
         if self.val_every < 1 or self.devices < 1:

@@ -1,6 +1,6 @@
 """Samples with what the driver did next: Batch, future and template label, and their loaders."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,6 +21,8 @@ from lss_core.errors import DataError
 from shoot.config import TrainConfig
 from shoot.templates import TemplateSet
 from shoot.trajectories import DT_S, HORIZON_S, Futures, mine_futures
+
+FITTED_ON = "The templates were fitted on"
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,26 @@ class PlanBatch:
         """The same in page-locked memory."""
         return PlanBatch(
             self.sensors.pin_memory(), self.future.pin_memory(), self.template_idx.pin_memory()
+        )
+
+
+def check_unseen(scene_tokens: NDArray[np.character], seen: Iterable[str], what: str) -> None:
+    """Check that scenes to be scored are none of those that something was made from.
+
+    Args:
+        scene_tokens: Of the samples to be scored.
+        seen: Tokens of the scenes it was made from; none if they are not known.
+        what: What was made from them, and how, for the message.
+
+    Raises:
+        DataError: If they share a scene.
+    """
+    shared = set(np.unique(scene_tokens).tolist()).intersection(seen)
+    if shared:
+        raise DataError(
+            f"{what} {len(shared)} of the scenes to be scored (the one with token '{min(shared)}' "
+            "is among them), so a score would say little of new ones; score other scenes, or go "
+            "on all the same with --allow-seen-scenes."
         )
 
 
@@ -82,6 +104,12 @@ class LabelledSplit:
         """[S] name of each sample's scene."""
         names: NDArray[np.character] = self.index.scene_name[self.futures.scene]
         return names
+
+    @property
+    def scene_tokens(self) -> NDArray[np.character]:
+        """[S] token of each sample's scene."""
+        tokens: NDArray[np.character] = self.index.scene_token[self.futures.scene]
+        return tokens
 
 
 def load_split(
@@ -278,6 +306,8 @@ class PlanningData(pl.LightningDataModule):
                 f"Splits '{config.train_split}' and '{config.val_split}' share {len(shared)} "
                 f"scenes ('{min(shared)}' is one); a result on them would be worth nothing."
             )
+        if not config.allow_seen_scenes:
+            check_unseen(self.val_split.scene_tokens, templates.scene_tokens, FITTED_ON)
 
     @property
     def left_out(self) -> dict[str, tuple[LeftOut, ...]]:

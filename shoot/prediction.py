@@ -27,11 +27,13 @@ class TrainedRun:
         config: What it was told, with the data it is to read now.
         templates: What it chooses from.
         module: In evaluation mode.
+        folder: Where it is.
     """
 
     config: TrainConfig
     templates: TemplateSet
     module: PlanningModule
+    folder: RunFolder
 
     @property
     def device(self) -> torch.device:
@@ -82,7 +84,7 @@ def open_run(
             f"The weights in '{run.folder}' do not fit its config.yaml: {str(error)[:200]}..."
         ) from error
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
-    return TrainedRun(config, template_set, module.eval().to(device))
+    return TrainedRun(config, template_set, module.eval().to(device), run)
 
 
 def batches(

@@ -61,6 +61,11 @@ class RunFolder:
         return self.folder / "tensorboard"
 
     @property
+    def motion_file(self) -> Path:
+        """What its baselines are fitted to."""
+        return self.folder / "training_motion.npz"
+
+    @property
     def time_file(self) -> Path:
         """How long the finished run has trained."""
         return self.folder / "training_time.json"
@@ -103,17 +108,20 @@ class RunFolder:
         # Also those of files that may not be written again, as best.ckpt.
         clear_leftovers(self.folder)
         templates.save(self.templates_file)
-        config.save(self.config_file)
+        root = str(Path(config.data.root).absolute())
+        replace(config, data=replace(config.data, root=root)).save(self.config_file)
         with write_atomically(self.folder / "environment.json") as stream:
             stream.write(json.dumps(_environment(), indent=2).encode())
 
     def config(self) -> TrainConfig:
-        """What the run was told.
+        """What the run was told; a relative data root, as of a run given to others, is its own.
 
         Raises:
             DataError: If this is no run folder.
         """
-        return TrainConfig.load(self.config_file)
+        config = TrainConfig.load(self.config_file)
+        root = str(self.folder / config.data.root)
+        return replace(config, data=replace(config.data, root=root))
 
     def templates(self) -> TemplateSet:
         """The templates it was trained with.

@@ -3,13 +3,11 @@
 import hashlib
 import json
 import math
-import zlib
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,24 +16,11 @@ from sklearn.metrics import pairwise_distances_argmin
 from lss_core.errors import DataError
 from lss_core.files import write_atomically
 from lss_core.geometry import FloatArray
+from lss_core.npz import UNREADABLE, read_npz
 from shoot.clustering import cluster, cluster_stream
 from shoot.trajectories import DT_S
 
 FORMAT_VERSION = 1
-# What numpy and zip raise on files that are cut off, damaged, or something else altogether.
-_UNREADABLE = (
-    OSError,
-    EOFError,
-    ValueError,
-    LookupError,
-    TypeError,
-    AttributeError,
-    RuntimeError,
-    ArithmeticError,
-    MemoryError,
-    BadZipFile,
-    zlib.error,
-)
 # A million templates of 20 points take 160 MB; what unpacks to more is not meant well.
 _MAX_BYTES = 1 << 28
 
@@ -86,6 +71,12 @@ class TemplateSet:
     def horizon_s(self) -> float:
         """Time of the last point."""
         return self.points.shape[1] * self.dt_s
+
+    @property
+    def scene_tokens(self) -> tuple[str, ...]:
+        """Of the scenes they were fitted on, as far as the card tells."""
+        tokens = self.card.get("scene_tokens")
+        return tuple(map(str, tokens)) if isinstance(tokens, list) else ()
 
     def nearest(self, futures: FloatArray) -> NDArray[np.int64]:
         """[M] the template nearest in L2 (norm of all 2 T numbers) to each of [M, T, 2] futures.
@@ -158,15 +149,10 @@ class TemplateSet:
         if not path.is_file():
             raise DataError(f"There is no template file '{path}'; shoot-fit-templates makes one.")
         try:
-            with ZipFile(path) as archive:
-                unpacked = sum(entry.file_size for entry in archive.infolist())
-            if unpacked > _MAX_BYTES:
-                raise ValueError(f"it would unpack to {unpacked >> 20} MB")
-            with np.load(path, allow_pickle=False) as stored:
-                # A member that is no array comes as bytes.
-                points, counts = np.asarray(stored["templates"]), np.asarray(stored["counts"])
-                dt_s, card = float(stored["dt_s"]), json.loads(str(stored["card"]))
-        except _UNREADABLE as error:
+            stored = read_npz(path, _MAX_BYTES)
+            points, counts = stored["templates"], stored["counts"]
+            dt_s, card = float(stored["dt_s"]), json.loads(str(stored["card"]))
+        except UNREADABLE as error:
             raise DataError(f"'{path}' is not a template file: {error}") from error
         if not isinstance(card, dict) or card.get("format_version") != FORMAT_VERSION:
             raise DataError(f"'{path}' is of another template format; fit it anew.")

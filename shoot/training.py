@@ -45,6 +45,7 @@ from shoot.precision import agreed_precision, fastest_precision
 from shoot.run_folder import LAST, RunFolder
 from shoot.signals import EndOnSignal
 from shoot.templates import TemplateSet
+from shoot.training_motion import TrainingMotion
 
 logger = logging.getLogger(__name__)
 
@@ -234,6 +235,7 @@ def _train(config: TrainConfig, run: RunFolder, templates: TemplateSet) -> Path:
     pl.seed_everything(config.seed, workers=True, verbose=False)
     data = PlanningData(config, templates)
     rank_zero_only(save_left_out)(run.folder / LEFT_OUT, data.left_out)
+    rank_zero_only(TrainingMotion.of(data.train_split).save)(run.motion_file)
     module = PlanningModule(config, templates)
     logger.info(
         "Training on %d samples (%d left out), validating on %d; %.2f M parameters, %s.",

@@ -100,10 +100,16 @@ def test_evaluating_twice_gives_the_same(
 
 def test_another_split_and_the_best_checkpoint(tiny_run: TinyRun, tmp_path: Path) -> None:
     out = tmp_path / "train.json"
-    said = command(
+    arguments = (
         "shoot-evaluate", tiny_run.folder, "--split", "train", "--checkpoint", "best",
         "--templates", tiny_run.templates, "--out", out,
     )  # fmt: skip
+    said = command(*arguments)
+    assert said.status == 2
+    assert "The run was trained on 4 of the scenes to be scored" in said.err
+    assert "--allow-seen-scenes" in said.err
+    assert not out.exists()
+    said = command(*arguments, "--allow-seen-scenes")
     assert said.status == 0, said.err
     report = json.loads(out.read_text())
     assert report["num_samples"] == NUM_TRAIN_SCENES * SAMPLES_A_SCENE

@@ -5,9 +5,10 @@ import pytest
 from world_fixture import NUM_TEMPLATES, TinyRun
 
 from shoot.comparison import Scored, baseline_log_probs, score, sum_up
-from shoot.datamodule import LabelledSplit, load_split
+from shoot.datamodule import LabelledSplit
 from shoot.known_speed import tell_speed
 from shoot.prediction import TrainedRun, open_run, predict
+from shoot.training_motion import TrainingMotion
 
 SAME_FOR_ALL = ("prior", "standing_still", "blind")
 
@@ -18,8 +19,8 @@ def trained(tiny_run: TinyRun) -> TrainedRun:
 
 
 @pytest.fixture(scope="module")
-def train(trained: TrainedRun) -> LabelledSplit:
-    return load_split(trained.config.data, "train", trained.templates)
+def train(trained: TrainedRun) -> TrainingMotion:
+    return TrainingMotion.load(trained.folder.motion_file, trained.templates)
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +66,7 @@ def test_where_a_recording_begins_no_method_knows_a_speed(scored: Scored) -> Non
 
 
 def test_baselines_see_nothing_of_the_split_but_each_samples_own_past(
-    trained: TrainedRun, train: LabelledSplit, scored: Scored
+    trained: TrainedRun, train: TrainingMotion, scored: Scored
 ) -> None:
     # Other futures, other labels, and half of the samples left out: the rest is told the same.
     samples = scored.samples

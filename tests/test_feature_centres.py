@@ -53,7 +53,9 @@ def test_it_finds_the_middle_of_what_a_cell_sees(
     assert first_feature_px(_Encoder(kernel, padding), 4) == pytest.approx(expected_uv, abs=1e-6)
 
 
-def test_padding_on_all_sides_alike_looks_before_the_centre_padding_behind_looks_behind_it() -> None:
+def test_padding_on_all_sides_alike_looks_before_the_centre_padding_behind_looks_behind_it() -> (
+    None
+):
     torch.manual_seed(0)
     alike = ImageEncoder("plain-8-12-16", "none", 5, 7, 8, neck_channels=8)
     behind = ImageEncoder("tf_mobilenetv3_small_minimal_100", "none", 5, 7, 16, neck_channels=8)

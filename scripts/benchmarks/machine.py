@@ -3,6 +3,7 @@
 import os
 import platform
 import time
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +15,7 @@ class Machine:
     """Name and measured limits of this machine.
 
     Attributes:
-        name: Of its processor.
+        name: Of its processor, with its units.
         cores: Cores this process may use.
         float32_flops: Operations per second of a large float32 matrix product.
         bfloat16_flops: The same in bfloat16.
@@ -63,10 +64,33 @@ def _best_s(function: object, repeats: int = 4) -> float:
 
 
 def processor_name() -> str:
-    """Name of the processor, and whether it has matrix units."""
+    """Name of the processor, and the units that torch may use of it."""
     cpuinfo = Path("/proc/cpuinfo")
     lines = cpuinfo.read_text().splitlines() if cpuinfo.exists() else []
     names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    matrix_units = any("amx_bf16" in line for line in lines if line.startswith("flags"))
-    name = names[0] if names else platform.processor()
-    return name + (" with bfloat16 matrix units" if matrix_units else "")
+    flags = next((line.split() for line in lines if line.startswith("flags")), [])
+    return f"{names[0] if names else platform.processor()} ({processor_units(flags, os.environ)})"
+
+
+def processor_units(flags: Sequence[str], environment: Mapping[str, str]) -> str:
+    """The widest vector units, those for bfloat16, and what the environment forbids torch to use.
+
+    Args:
+        flags: Of the processor, as Linux calls them.
+        environment: Of this process.
+    """
+    known = {
+        "avx2": "AVX2",
+        "avx512f": "AVX-512",
+        "avx512_bf16": "bfloat16 products",
+        "amx_bf16": "bfloat16 matrix units",
+    }
+    found = [name for flag, name in known.items() if flag in flags]
+    wide = found[1:] if "avx512f" in flags else found
+    limits = [
+        f"{name}={environment[name]}"
+        for name in ("ONEDNN_MAX_CPU_ISA", "ATEN_CPU_CAPABILITY")
+        if environment.get(name)
+    ]
+    units = ", ".join(wide) or "units not known"
+    return f"{units}, held to {' '.join(limits)}" if limits else units

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from lss_core.data.splits import official_scenes
 from lss_core.files import write_atomically
@@ -50,8 +51,24 @@ class Place:
         return self.records / f"{experiment.name}.json"
 
 
-def prepare(place: Place, train_scenes: int, val_scenes: int, k: int, workers: int) -> None:
-    """Make the data set, its splits and the templates, unless they are there."""
+def prepare(
+    place: Place,
+    train_scenes: int,
+    val_scenes: int,
+    k: int,
+    workers: int,
+    sweeps: Literal["keyframes", "all"] = "all",
+) -> None:
+    """Make the data set, its splits and the templates, unless they are there.
+
+    Args:
+        place: Where to.
+        train_scenes: Scenes to train on.
+        val_scenes: Scenes to evaluate on.
+        k: Number of templates.
+        workers: Processes.
+        sweeps: Which sweeps get files; planners that read several scans need all.
+    """
     make_world(
         MakeWorldConfig(
             out=place.world,
@@ -60,7 +77,7 @@ def prepare(place: Place, train_scenes: int, val_scenes: int, k: int, workers: i
             image_scale=0.11,
             scenes_per_town=2,
             tail_s=5.0,
-            sweeps="all",
+            sweeps=sweeps,
             lidar_azimuths=128,
             workers=workers,
         )

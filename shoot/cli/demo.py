@@ -1,5 +1,6 @@
-"""shoot-demo: the whole thing on the synthetic world, in minutes, on a laptop."""
+"""shoot-demo: the shipped planner at once, then the whole thing in minutes, on a laptop."""
 
+import sys
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,10 +11,10 @@ from rich.rule import Rule
 
 from shoot.cli.app import run
 from shoot.cli.fit_templates import DataSource, FitTemplatesConfig, fit
-from shoot.comparison import compare
+from shoot.comparison import compare, score, sum_up
 from shoot.config import DEMO
 from shoot.datamodule import LabelledSplit, load_split
-from shoot.evaluation import condition_of
+from shoot.evaluation import Report, condition_of
 from shoot.manoeuvres import classify_manoeuvres
 from shoot.metrics import negative_log_likelihood
 from shoot.prediction import TrainedRun, open_run, predict
@@ -23,10 +24,18 @@ from shoot.sample_views import view_sample
 from shoot.training import train
 from shoot.world.writer import VERSION, MakeWorldConfig, make_world
 
+_SHIPPED = Path("templates") / "synthetic-1000"
+SHIPPED_PLANNER = "shipped_planner"
+
 
 @dataclass(frozen=True)
 class DemoConfig:
-    """Make a small city, fit templates, train, evaluate, draw; run again, it goes on.
+    """Look at the shipped planner in towns it has not seen, then train one; run again, it goes on.
+
+    The shipped planner comes first: a few towns, one picture, one table. Then a small city,
+    templates of how its ego drives, a short training of a planner of one's own, and both planners
+    in one table. They choose among the same templates, the shipped ones: else their ranks could not
+    be compared.
 
     The city has a keyframe a second, half as many as nuScenes: neighbours look alike, so that more
     scenes teach more than more keyframes. It has none in the last 5 s of a scene, which have no
@@ -34,9 +43,11 @@ class DemoConfig:
 
     Attributes:
         out: Folder for everything.
+        first_scenes: Scenes to look at the shipped planner in, each in a town of its own; they are
+            the first of those evaluated on.
         train_scenes: Scenes to train on, four in each town.
         val_scenes: Scenes to evaluate on, each in a town of its own that training never saw.
-        k: Number of templates.
+        k: Number of templates fitted to the city.
         steps: Optimiser steps.
         seed: Of city, templates and training.
         image_scale: Size of the city's images as a share of 1600 x 900.
@@ -44,6 +55,7 @@ class DemoConfig:
     """
 
     out: Path = Path("demo")
+    first_scenes: int = 16
     train_scenes: int = 160
     val_scenes: int = 60
     k: int = 1000
@@ -65,31 +77,24 @@ def demo(config: DemoConfig) -> None:
     def announce(what: str) -> None:
         console.print(Rule(f"{what} ({time.monotonic() - started:.0f} s so far)", align="left"))
 
+    announce(f"1/5 The shipped planner in {config.first_scenes} towns it has not seen")
+    towns = config.out / "towns"
+    make_world(_city(config, towns, 0, config.first_scenes))
+    shipped = open_run(shipped_run(), root=str(towns))
+    _show(shipped, compare(shipped, "val"), config.out / "shipped")
     world, templates = config.out / "world", config.out / "templates.npz"
-    folder, report_file = config.out / "run", config.out / "report.json"
-    announce(f"1/5 A city: {config.train_scenes} + {config.val_scenes} scenes")
-    make_world(
-        MakeWorldConfig(
-            out=world,
-            train_scenes=config.train_scenes,
-            val_scenes=config.val_scenes,
-            seed=config.seed,
-            image_scale=config.image_scale,
-            workers=config.workers,
-            scenes_per_town=4,
-            keyframe_s=1.0,
-            tail_s=5.0,
-        )
-    )
-    announce(f"2/5 {config.k} templates of how its ego drives")
+    announce(f"2/5 A city: {config.train_scenes} + {config.val_scenes} scenes")
+    make_world(_city(config, world, config.train_scenes, config.val_scenes))
+    announce(f"3/5 {config.k} templates of how its ego drives")
     if not templates.exists():
         source = DataSource(str(world), VERSION)
         fit(FitTemplatesConfig(source, str(templates), k=config.k, seed=config.seed))
-    announce(f"3/5 Training, {config.steps} steps")
+    announce(f"4/5 Training, {config.steps} steps, with the shipped templates")
+    folder = config.out / "run"
     train(
         replace(
             DEMO,
-            templates=str(templates),
+            templates=str(shipped_run() / "templates.npz"),
             out=str(folder),
             data=replace(DEMO.data, root=str(world), version=VERSION),
             optim=replace(DEMO.optim, steps=config.steps),
@@ -98,15 +103,40 @@ def demo(config: DemoConfig) -> None:
             resume=True,
         )
     )
-    announce("4/5 Evaluation")
+    announce("5/5 Evaluation and a picture")
     trained = open_run(folder)
-    report = compare(trained, "val")
-    report.save(report_file)
-    announce("5/5 A picture")
-    picture = _draw(trained, config.out)
+    scored = score(trained, "val")
+    beside = predict(open_run(shipped_run(), root=str(world)), scored.samples)
+    scored = replace(scored, log_probs=scored.log_probs | {SHIPPED_PLANNER: beside})
+    _show(trained, sum_up(trained, scored, "val"), config.out / "trained")
     announce("Done")
+
+
+def _city(config: DemoConfig, out: Path, train_scenes: int, val_scenes: int) -> MakeWorldConfig:
+    return MakeWorldConfig(
+        out=out,
+        train_scenes=train_scenes,
+        val_scenes=val_scenes,
+        seed=config.seed,
+        image_scale=config.image_scale,
+        workers=config.workers,
+        scenes_per_town=4,
+        keyframe_s=1.0,
+        tail_s=5.0,
+    )
+
+
+def shipped_run() -> Path:
+    """The run folder of the planner that comes with the sources, or with an installed wheel."""
+    sources = Path(__file__).parents[2] / _SHIPPED
+    return sources if sources.exists() else Path(sys.prefix) / "share" / "shoot" / _SHIPPED
+
+
+def _show(trained: TrainedRun, report: Report, out: Path) -> None:
+    report.save(out.with_suffix(".json"))
+    picture = _draw(trained, out.with_suffix(".png"))
     print(format_table(report))
-    print(f"Report:  {report_file}")
+    print(f"Report:  {out.with_suffix('.json')}")
     print(f"Picture: {picture}")
 
 
@@ -115,7 +145,7 @@ def _draw(trained: TrainedRun, out: Path) -> Path:
     split = load_split(trained.config.data, "val", trained.templates)
     chosen = _typical_turn(trained, split)
     figure = render_sample(view_sample(trained, split, chosen))
-    return save_figure(figure, out / "planned.png", dpi=110.0)
+    return save_figure(figure, out, dpi=110.0)
 
 
 def _typical_turn(trained: TrainedRun, split: LabelledSplit) -> int:

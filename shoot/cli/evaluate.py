@@ -32,6 +32,7 @@ class EvaluateConfig:
         templates: Template file, if not the run's own copy; refused if it holds other templates.
         fast: Predict with what this machine is fastest in: compiled, in bfloat16 where it has units
             for it, the cost map only where templates lie. The same to rounding.
+        allow_seen_scenes: Score also scenes that the run was trained on, or its templates fitted.
         data: Data other than the run's own.
     """
 
@@ -42,6 +43,7 @@ class EvaluateConfig:
     checkpoint: str = "last"
     templates: str | None = None
     fast: bool = False
+    allow_seen_scenes: bool = False
     data: OtherData = field(default_factory=OtherData)
 
 
@@ -60,7 +62,7 @@ def evaluate(config: EvaluateConfig) -> Report:
         config.data.skip_bad,
     )
     keep_freed_memory()
-    scored = score(trained, config.split, fast=config.fast)
+    scored = score(trained, config.split, config.fast, config.allow_seen_scenes)
     report = sum_up(trained, scored, config.split)
     print(format_table(report))
     report.save(Path(config.out))

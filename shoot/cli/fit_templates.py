@@ -101,6 +101,7 @@ def fit(config: FitTemplatesConfig) -> TemplateSet:
         "data": {"version": config.data.version, "name": Path(config.data.root).resolve().name},
         "split": config.split,
         "num_scenes": len(scenes),
+        "scene_tokens": index.scene_token[scenes].tolist(),
         "starts": "every LIDAR_TOP sweep with 5 s of recorded future",
         "num_left_out": num_left_out,
         "num_bad_scenes": len(left_out),

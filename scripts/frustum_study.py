@@ -1,0 +1,103 @@
+"""Where should features be put: at their cells' centres, or where the network looks?
+
+    python scripts/frustum_study.py [FOLDER] [--jobs 2]
+
+Trains the camera planner of table6.py with both, three seeds each, and writes the table of
+docs/results.md; hours in all. Run again, it goes on where it was. Each finished run leaves a record
+in docs/results/frustum/, and the table is made from these alone.
+"""
+
+import logging
+import os
+import signal
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from marked_page import fill_page
+from planning_table.cells import PAIRED, markdown, model_spread, paired
+from planning_table.experiments import MAIN_METRICS, SEEDS, Experiment
+from planning_table.records import Record, load_records
+from planning_table.work import Place, prepare, run_all
+
+_WAYS = ("cell", "sampled")
+RUNS = tuple(
+    Experiment(way, "small", seed, ("--model.frustum", way)) for seed in SEEDS for way in _WAYS
+)
+
+
+@dataclass(frozen=True)
+class StudyConfig:
+    """What to run, and where.
+
+    Attributes:
+        folder: For data set, templates and runs; 10 GB.
+        jobs: Runs side by side; each gets its share of the cores.
+        records: Folder of the records.
+        page: Where the table stands, between markers.
+        table_only: Make the table from the records and end.
+        train_scenes: Scenes to train on.
+        val_scenes: Scenes to evaluate on.
+        k: Number of templates.
+        flags: More arguments of shoot-train, for trials.
+    """
+
+    folder: Annotated[Path, tyro.conf.Positional] = Path("runs/frustum")
+    jobs: int = 2
+    records: Path = Path("docs/results/frustum")
+    page: Path = Path("docs/results.md")
+    table_only: bool = False
+    train_scenes: int = 700
+    val_scenes: int = 100
+    k: int = 1000
+    flags: tuple[str, ...] = ()
+
+
+def study(config: StudyConfig) -> list[str]:
+    """Do what is left to do; returns the names of runs that failed."""
+    failed: list[str] = []
+    if not config.table_only:
+        place = Place(config.folder, config.records)
+        workers = len(os.sched_getaffinity(0))
+        prepare(place, config.train_scenes, config.val_scenes, config.k, workers, "keyframes")
+        failed = run_all(RUNS, place, config.jobs, config.flags)
+    fill_page(config.page, "frustum", table(load_records(config.records)))
+    return failed
+
+
+def table(records: Sequence[Record]) -> str:
+    """Both ways, and their difference where both have the same seeds."""
+    by_way = {way: [r for r in records if r["planner"] == way] for way in _WAYS}
+    rows = []
+    for way, own in by_way.items():
+        if own:
+            seeds = ", ".join(str(record["seed"]) for record in own)
+            rows.append([f"`{way}`: {seeds}", *(model_spread(own, m) for m in MAIN_METRICS)])
+    if not rows:
+        return "No run is finished yet."
+    both = [
+        [r for r in by_way[way] if r["seed"] in {other["seed"] for other in by_way[than]}]
+        for way, than in (_WAYS, _WAYS[::-1])
+    ]
+    if both[0]:
+        less = [paired(both[1], both[0], m) if m in PAIRED else "" for m in MAIN_METRICS]
+        rows.append(["`sampled` minus `cell`", *less])
+    one = records[0]
+    return (
+        f"{one['num_samples']} validation samples, {one['num_scenes']} scenes; {one['steps']} "
+        f"steps of {one['batch_size']} samples, {one['precision']}, on {one['processor']}.\n\n"
+        + markdown(["frustum: seeds", *MAIN_METRICS.values()], rows)
+    )
+
+
+if __name__ == "__main__":
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, lambda number, _: sys.exit(128 + number))
+    left = study(tyro.cli(StudyConfig, description=__doc__))
+    if left:
+        sys.exit(f"These runs failed: {', '.join(left)}.")
