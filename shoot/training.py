@@ -15,7 +15,6 @@ from pytorch_lightning.callbacks import LearningRateMonitor, ModelCheckpoint
 from pytorch_lightning.strategies import DDPStrategy
 from pytorch_lightning.utilities import rank_zero_only
 from torch import Tensor
-from torch.optim import Optimizer
 
 from lss_core.batch import Batch
 from lss_core.data.usable import LEFT_OUT, save_left_out
@@ -148,16 +147,6 @@ class PlanningModule(pl.LightningModule):
             "optimizer": optimizer,
             "lr_scheduler": {"scheduler": schedule, "interval": "step"},
         }
-
-    def configure_gradient_clipping(
-        self,
-        optimizer: Optimizer,
-        gradient_clip_val: float | None = None,
-        gradient_clip_algorithm: str | None = None,
-    ) -> None:
-        """Scale gradients down to `clip_norm` and log the norm they had."""
-        norm = torch.nn.utils.clip_grad_norm_(self.parameters(), self.config.optim.clip_norm)
-        self.log("grad_norm", norm)
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Say which templates these weights belong to."""
@@ -302,7 +291,9 @@ def make_trainer(config: TrainConfig, run: RunFolder, resume: bool = False) -> p
             LearningRateMonitor("step"),
             RoundProgress(config.optim.steps, config.val_every) if on_terminal() else RoundLines(),
             TrainingTime(run.time_file),
-            SkipBadSteps(config.optim.max_bad_steps, str(run.checkpoints / LAST)),
+            SkipBadSteps(
+                config.optim.clip_norm, config.optim.max_bad_steps, str(run.checkpoints / LAST)
+            ),
             EndOnSignal(run.checkpoints / LAST, config.val_every, config.optim.steps),
             EndTogether(),
         ],
