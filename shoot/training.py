@@ -28,6 +28,7 @@ from shoot.bad_steps import SkipBadSteps
 from shoot.checkpoint_file import WholeCheckpoints, read_checkpoint, write_weights
 from shoot.config import OptimConfig, Precision, TrainConfig
 from shoot.datamodule import PlanBatch, PlanningData, check_shares
+from shoot.device import choose_device
 from shoot.event_file import EventFile
 from shoot.loop_callbacks import (
     EndTogether,
@@ -251,6 +252,7 @@ def make_trainer(config: TrainConfig, run: RunFolder, resume: bool = False) -> p
     """Lightning's loop for a run; `resume` goes on with its record of metrics."""
     if config.precision == "auto":
         raise ValueError("Settle the precision first, as `train` does.")
+    device = choose_device(config.accelerator)
     devices, num_nodes = _processes(config)
     many = devices > 1 or num_nodes > 1 or dist.is_torchelastic_launched()
     # Buffers are the same everywhere, or averaged before validation: no need to send them at every
@@ -258,11 +260,14 @@ def make_trainer(config: TrainConfig, run: RunFolder, resume: bool = False) -> p
     strategy = DDPStrategy(broadcast_buffers=False) if many else "auto"
     return pl.Trainer(
         default_root_dir=run.folder,
-        accelerator=config.accelerator,
+        accelerator=device.type,
         devices=devices,
         num_nodes=num_nodes,
         strategy=strategy,
         precision=config.precision,
+        deterministic=config.deterministic,
+        # The kernels that are tried and found the fastest may be others in each run.
+        benchmark=device.type == "cuda" and not config.deterministic,
         plugins=[
             WholeCheckpoints(),
             *([JointStatistics()] if many and config.sync_batchnorm else []),
@@ -310,8 +315,7 @@ def _settle_precision(config: TrainConfig, run: RunFolder) -> Precision:
     begun_with = run.config().precision if decided else "auto"
     if begun_with != "auto":
         return begun_with
-    on_gpu = config.accelerator in ("auto", "gpu", "cuda") and torch.cuda.is_available()
-    device = torch.device("cuda" if on_gpu else "cpu")
+    device = choose_device(config.accelerator)
     return agreed_precision(device) if with_torchrun else fastest_precision(device)
 
 
