@@ -66,7 +66,7 @@ class TrainConfig:
         val_every: Steps between validations; a checkpoint is written at each.
         val_samples: Validate on this many samples, evenly spread; all of them if 0.
         num_workers: Processes that load images.
-        accelerator: `cpu`, `gpu` (CUDA), or what is there (`auto`).
+        accelerator: `cpu`, `gpu` or `cuda`, or what is there (`auto`).
         devices: Processes on this machine (under torchrun, its own count wins).
         num_nodes: Machines.
         sync_batchnorm: Batch statistics over all processes, so that any number of them trains as

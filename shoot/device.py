@@ -6,7 +6,7 @@ import torch
 
 from lss_core.errors import DataError
 
-Accelerator = Literal["auto", "cpu", "gpu"]
+Accelerator = Literal["auto", "cpu", "gpu", "cuda"]
 
 
 def choose_device(accelerator: Accelerator = "auto") -> torch.device:
@@ -16,13 +16,13 @@ def choose_device(accelerator: Accelerator = "auto") -> torch.device:
     computed.
 
     Args:
-        accelerator: `auto` is a CUDA GPU where there is one.
+        accelerator: `gpu` and `cuda` are the same; `auto` is it where there is one.
 
     Raises:
         DataError: If a GPU is asked for, and there is none.
     """
     has_gpu = torch.cuda.is_available()
-    if accelerator == "gpu" and not has_gpu:
+    if accelerator in ("gpu", "cuda") and not has_gpu:
         raise DataError(
             "PyTorch finds no CUDA GPU here; use --accelerator cpu, or a PyTorch made for the GPU."
         )
