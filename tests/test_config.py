@@ -23,7 +23,7 @@ def test_presets_come_back_from_yaml(tmp_path: Path, preset: str) -> None:
 def test_presets_train_on_far_more_than_they_validate_on(preset: str) -> None:
     config = PRESETS[preset][1]
     num_validations = math.ceil(config.optim.steps / config.val_every)
-    assert 0 < num_validations * config.val_samples
+    assert num_validations * config.val_samples > 0
     assert num_validations * config.val_samples <= config.optim.steps * config.optim.batch_size / 5
 
 
