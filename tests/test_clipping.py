@@ -111,10 +111,14 @@ def test_all_precisions_log_the_same_norm(tiny_run: TinyRun, tmp_path: Path) -> 
 
 def test_float16_finds_its_scale(tiny_run: TinyRun, tmp_path: Path) -> None:
     (expected,) = trained(tiny_run, tmp_path / "float32", None, 1)
-    precision = MixedPrecision("16-mixed", "cpu")
-    first, *_, last = trained(tiny_run, tmp_path / "float16", precision, 6)
-    # Times 65536, as torch begins, these gradients are beyond float16.
+    # Times 65536, as torch begins, these gradients are beyond float16: a step changes nothing.
+    (first,) = trained(tiny_run, tmp_path / "one", MixedPrecision("16-mixed", "cpu"), 1)
     assert math.isinf(first)
+    for name, value in RunFolder(tmp_path / "one").weights("last")["state_dict"].items():
+        if name.endswith(("running_mean", "num_batches_tracked")):
+            assert not value.any(), name
+    precision = MixedPrecision("16-mixed", "cpu")
+    *_, last = trained(tiny_run, tmp_path / "six", precision, 6)
     assert last == pytest.approx(expected, rel=0.8)
     assert precision.scaler is not None
     assert precision.scaler.get_scale() < 65536.0
