@@ -30,7 +30,7 @@ from shoot.prediction import TrainedRun, predict
 from shoot.templates import TemplateSet
 from shoot.trajectories import Futures
 
-Array = NDArray[Any]
+Array = np.ndarray[Any, np.dtype[Any]]
 
 KNOWING_SPEED = "model_knowing_speed"
 
