@@ -16,6 +16,8 @@ def nearest_depths(
 ) -> Float[Tensor, "N H W"]:
     """Depth of the nearest point in each feature cell, in metres; infinite where there is none.
 
+    Worked out in float64, also under mixed precision, and given in float32.
+
     Args:
         points_ego: Metres, in `ego`.
         pixel_from_camera: Intrinsics of the network's images, augmentation folded in.
@@ -24,13 +26,13 @@ def nearest_depths(
         stride: Pixels a feature cell.
     """
     height, width = (side // stride for side in image_hw)
-    camera_from_ego = torch.linalg.inv(ego_from_camera)
-    points_camera = (
-        points_ego @ camera_from_ego[:, :3, :3].transpose(1, 2) + camera_from_ego[:, None, :3, 3]
-    )
+    with torch.autocast(points_ego.device.type, enabled=False):
+        camera_from_ego = torch.linalg.inv(ego_from_camera.double())
+        points_camera = points_ego.double() @ camera_from_ego[:, :3, :3].transpose(1, 2)
+        points_camera = points_camera + camera_from_ego[:, None, :3, 3]
+        pixels = points_camera @ pixel_from_camera.double().transpose(1, 2)
     depth_m = points_camera[..., 2]
     is_ahead = depth_m > 0.0
-    pixels = points_camera @ pixel_from_camera.transpose(1, 2)
     pixels = pixels[..., :2] / torch.where(is_ahead, depth_m, 1.0)[..., None]
     # A pixel's centre has whole numbers, so the first cell begins at -0.5.
     cells = ((pixels + 0.5) / stride).floor()
@@ -38,6 +40,7 @@ def nearest_depths(
     inside = is_ahead & ((cells >= 0) & (cells < upper)).all(dim=-1)
     camera, point = inside.nonzero(as_tuple=True)
     column, row = cells[camera, point].long().unbind(dim=-1)
+    depth_m = depth_m.float()
     nearest_m: Tensor = depth_m.new_full((len(pixel_from_camera) * height * width,), torch.inf)
     place = (camera * height + row) * width + column
     nearest_m = nearest_m.scatter_reduce(0, place, depth_m[camera, point], "amin")

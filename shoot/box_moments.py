@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from jaxtyping import Bool, Float, Int
 
 from lss_core.data.boxes import Boxes
@@ -18,7 +17,7 @@ from shoot.footprint import (
     turn,
 )
 
-Array = npt.NDArray[Any]
+Array = np.ndarray[Any, np.dtype[Any]]
 
 _EGO_SIZE_M = np.array([EGO_LENGTH_M, EGO_WIDTH_M], dtype=np.float32)
 

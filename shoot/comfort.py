@@ -3,12 +3,11 @@
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from jaxtyping import Float
 
 from shoot.trajectories import DT_S
 
-Array = npt.NDArray[Any]
+Array = np.ndarray[Any, np.dtype[Any]]
 
 # NAVSIM's bounds (from nuPlan), themselves out of bounds.
 LON_ACCEL_MIN_MPS2, LON_ACCEL_MAX_MPS2 = -4.05, 2.40

@@ -30,7 +30,7 @@ from shoot.templates import TemplateSet
 from shoot.training_motion import TrainingMotion
 from shoot.trajectories import Futures
 
-Array = NDArray[Any]
+Array = np.ndarray[Any, np.dtype[Any]]
 
 KNOWING_SPEED = "model_knowing_speed"
 

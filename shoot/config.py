@@ -11,6 +11,7 @@ from lss_core.config import DataConfig, DepthBins, ImageConfig, ModelConfig
 from lss_core.errors import DataError
 from lss_core.files import write_atomically
 from lss_core.grid import BevGrid
+from shoot.device import Accelerator
 from shoot.planner import PlannerConfig
 
 Precision = Literal["32-true", "bf16-mixed", "16-mixed"]
@@ -65,13 +66,15 @@ class TrainConfig:
         val_every: Steps between validations; a checkpoint is written at each.
         val_samples: Validate on this many samples, evenly spread; all of them if 0.
         num_workers: Processes that load images.
-        accelerator: `cpu`, `gpu`, `mps`, or what is there (`auto`).
+        accelerator: `cpu`, `gpu` or `cuda`, or what is there (`auto`).
         devices: Processes on this machine (under torchrun, its own count wins).
         num_nodes: Machines.
         sync_batchnorm: Batch statistics over all processes, so that any number of them trains as
             one would; without, each normalises by its own share of the batch, which is faster.
         precision: Of the convolutions; geometry, splat and scores stay float32. `auto`: bfloat16
             where this machine is clearly faster in it, tried at the start; the run keeps it.
+        deterministic: On a GPU, too, the same command trains the same bits, slower; on CPUs it
+            does anyway.
         seed: Of everything random.
         resume: Go on from the run's last checkpoint.
         allow_seen_scenes: Validate also on scenes that the templates were fitted on.
@@ -91,11 +94,12 @@ class TrainConfig:
     val_every: int = 1000
     val_samples: int = 0
     num_workers: int = 4
-    accelerator: str = "auto"
+    accelerator: Accelerator = "auto"
     devices: int = 1
     num_nodes: int = 1
     sync_batchnorm: bool = True
     precision: Precision | Literal["auto"] = "32-true"
+    deterministic: bool = False
     seed: int = 0
     resume: bool = False
     allow_seen_scenes: bool = False
@@ -168,7 +172,8 @@ _CPU_MODEL = ModelConfig(
     grid=BevGrid(x_min_m=-10.0, x_max_m=70.0, y_min_m=-32.0, y_max_m=32.0, cell_m=1.0),
 )
 
-PAPER = TrainConfig(templates="templates.npz", out="runs/paper")
+# All samples at each of its 300 validations would be more images than it trains on.
+PAPER = TrainConfig(templates="templates.npz", out="runs/paper", val_samples=600)
 SMALL = TrainConfig(
     templates="templates.npz",
     out="runs/small",

@@ -19,10 +19,12 @@ from lss_core.data.samples import SampleIndex, load_index, rows_of_split
 from lss_core.data.usable import LeftOut, Needs, usable_rows, usable_scenes
 from lss_core.errors import DataError
 from shoot.config import TrainConfig
+from shoot.device import choose_device
 from shoot.templates import TemplateSet
 from shoot.trajectories import DT_S, HORIZON_S, Futures, mine_futures
 
 FITTED_ON = "The templates were fitted on"
+MIN_VAL_BATCH = 8
 
 
 @dataclass(frozen=True)
@@ -346,7 +348,15 @@ class PlanningData(pl.LightningDataModule):
                 "more (--val-samples) or use fewer processes."
             )
         sampler = ShareSampler(positions, rank, world)
-        return self._loader(self.val_split, sampler, max(1, config.optim.batch_size // world))
+        # Without gradients a sample needs a fraction of the memory.
+        share = max(MIN_VAL_BATCH, 2 * config.optim.batch_size // world)
+        return self._loader(self.val_split, sampler, share)
+
+    def transfer_batch_to_device(
+        self, batch: PlanBatch, device: torch.device, dataloader_idx: int
+    ) -> PlanBatch:
+        """The batch on the device; pages that are locked are copied while the host goes on."""
+        return batch.to(device, non_blocking=True)
 
     def _share(self) -> tuple[int, int]:
         return (self.trainer.global_rank, self.trainer.world_size) if self.trainer else (0, 1)
@@ -362,6 +372,6 @@ class PlanningData(pl.LightningDataModule):
             sampler=sampler,
             num_workers=workers,
             collate_fn=collate_plans,
-            pin_memory=torch.cuda.is_available(),
+            pin_memory=choose_device(self.config.accelerator).type == "cuda",
             persistent_workers=workers > 0,
         )

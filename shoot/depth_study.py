@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import torch
 from jaxtyping import Float, Int
 from rich.box import SIMPLE_HEAD
@@ -32,7 +31,7 @@ from shoot.datamodule import LabelledSplit
 from shoot.metrics import negative_log_likelihood, ranks
 from shoot.prediction import TrainedRun, batches
 
-Array = npt.NDArray[Any]
+Array = np.ndarray[Any, np.dtype[Any]]
 
 # What the planner is given for depth: its own, the lidar's where it sees, the same everywhere.
 DEPTHS = ("own", "lidar", "flat")

@@ -6,12 +6,11 @@ The distances of the best few templates (minADE and the like) are in `shoot.metr
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from jaxtyping import Float
 
 from shoot.trajectories import DT_S
 
-Array = npt.NDArray[Any]
+Array = np.ndarray[Any, np.dtype[Any]]
 
 L2_HORIZONS_S = (1, 2, 3)
 # Open-loop L2 is taken at 2 Hz wherever it is reported, whatever the planner's own step.

@@ -23,7 +23,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from jaxtyping import Bool, Float
 
 from lss_core.config import DataConfig
@@ -36,7 +35,7 @@ from shoot.datamodule import LabelledSplit
 from shoot.footprint import footprint_corners, headings, turn
 from shoot.trajectories import DT_S
 
-Array = npt.NDArray[Any]
+Array = np.ndarray[Any, np.dtype[Any]]
 
 logger = logging.getLogger(__name__)
 

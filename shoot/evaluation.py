@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from jaxtyping import Float, Int, Shaped
 
 from lss_core.files import write_atomically
@@ -24,7 +23,7 @@ from shoot.manoeuvres import MANOEUVRES, classify_manoeuvres
 from shoot.metrics import PerSample
 from shoot.scoring import PathChecks, Scorer, Scores, select_samples
 
-Array = npt.NDArray[Any]
+Array = np.ndarray[Any, np.dtype[Any]]
 
 MODEL = "model"
 

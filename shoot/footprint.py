@@ -3,12 +3,11 @@
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from jaxtyping import Bool, Float
 
 from lss_core.geometry import wrap_angle
 
-Array = npt.NDArray[Any]
+Array = np.ndarray[Any, np.dtype[Any]]
 
 EGO_LENGTH_M = 4.1
 EGO_WIDTH_M = 1.85

@@ -2,11 +2,11 @@
 
 from typing import Any
 
-import numpy.typing as npt
+import numpy as np
 from jaxtyping import Float
 from scipy.special import logsumexp
 
-Array = npt.NDArray[Any]
+Array = np.ndarray[Any, np.dtype[Any]]
 
 
 def tell_speed(

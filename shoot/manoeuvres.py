@@ -4,10 +4,9 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from jaxtyping import Float, Shaped
 
-Array = npt.NDArray[Any]
+Array = np.ndarray[Any, np.dtype[Any]]
 
 MANOEUVRES = ("standing", "straight", "left", "right")
 

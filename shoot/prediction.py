@@ -13,6 +13,7 @@ from lss_core.errors import DataError
 from lss_core.progress import progress
 from shoot.config import TrainConfig
 from shoot.datamodule import LabelledSplit, PlanBatch, PlanningDataset, collate_plans
+from shoot.device import choose_device
 from shoot.fast import FastPlanner
 from shoot.run_folder import RunFolder
 from shoot.templates import TemplateSet
@@ -83,8 +84,7 @@ def open_run(
         raise DataError(
             f"The weights in '{run.folder}' do not fit its config.yaml: {str(error)[:200]}..."
         ) from error
-    device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
-    return TrainedRun(config, template_set, module.eval().to(device), run)
+    return TrainedRun(config, template_set, module.eval().to(choose_device()), run)
 
 
 def batches(

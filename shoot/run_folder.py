@@ -155,7 +155,7 @@ class RunFolder:
             "out": "",
             "resume": False,
             "num_workers": 0,
-            "accelerator": "",
+            "accelerator": "auto",
             "devices": 1,
             "num_nodes": 1,
         }

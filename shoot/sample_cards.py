@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from numpy.typing import NDArray
 
 from shoot.datamodule import LabelledSplit
 from shoot.html_report import SampleCard, figure_png, pick_samples
@@ -18,7 +17,7 @@ from shoot.sample_views import view_sample
 def make_cards(
     run: TrainedRun,
     split: LabelledSplit,
-    log_prob: Float[NDArray[np.floating[Any]], "S K"],
+    log_prob: Float[np.ndarray[Any, np.dtype[np.floating[Any]]], "S K"],
     num: int = 3,
 ) -> dict[str, list[SampleCard]]:
     """Cards of the `best`, `typical` and `worst` samples; the best among those that drive.

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from jaxtyping import Bool, Float, Int
 
 from shoot.calibration import brier_score
@@ -23,7 +22,7 @@ from shoot.metrics import (
     top_templates,
 )
 
-Array = npt.NDArray[Any]
+Array = np.ndarray[Any, np.dtype[Any]]
 PathChecks = Callable[[Float[Array, "S T 2"]], PerSample]
 
 

@@ -15,7 +15,6 @@ from pytorch_lightning.callbacks import LearningRateMonitor, ModelCheckpoint
 from pytorch_lightning.strategies import DDPStrategy
 from pytorch_lightning.utilities import rank_zero_only
 from torch import Tensor
-from torch.optim import Optimizer
 
 from lss_core.batch import Batch
 from lss_core.data.usable import LEFT_OUT, save_left_out
@@ -29,6 +28,7 @@ from shoot.bad_steps import SkipBadSteps
 from shoot.checkpoint_file import WholeCheckpoints, read_checkpoint, write_weights
 from shoot.config import OptimConfig, Precision, TrainConfig
 from shoot.datamodule import PlanBatch, PlanningData, check_shares
+from shoot.device import choose_device
 from shoot.event_file import EventFile
 from shoot.loop_callbacks import (
     EndTogether,
@@ -150,16 +150,6 @@ class PlanningModule(pl.LightningModule):
             "lr_scheduler": {"scheduler": schedule, "interval": "step"},
         }
 
-    def configure_gradient_clipping(
-        self,
-        optimizer: Optimizer,
-        gradient_clip_val: float | None = None,
-        gradient_clip_algorithm: str | None = None,
-    ) -> None:
-        """Scale gradients down to `clip_norm` and log the norm they had."""
-        norm = torch.nn.utils.clip_grad_norm_(self.parameters(), self.config.optim.clip_norm)
-        self.log("grad_norm", norm)
-
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Say which templates these weights belong to."""
         checkpoint["templates_sha256"] = self.templates_sha256
@@ -264,6 +254,7 @@ def make_trainer(config: TrainConfig, run: RunFolder, resume: bool = False) -> p
     """Lightning's loop for a run; `resume` goes on with its record of metrics."""
     if config.precision == "auto":
         raise ValueError("Settle the precision first, as `train` does.")
+    device = choose_device(config.accelerator)
     devices, num_nodes = _processes(config)
     many = devices > 1 or num_nodes > 1 or dist.is_torchelastic_launched()
     # Buffers are the same everywhere, or averaged before validation: no need to send them at every
@@ -271,11 +262,14 @@ def make_trainer(config: TrainConfig, run: RunFolder, resume: bool = False) -> p
     strategy = DDPStrategy(broadcast_buffers=False) if many else "auto"
     return pl.Trainer(
         default_root_dir=run.folder,
-        accelerator=config.accelerator,
+        accelerator=device.type,
         devices=devices,
         num_nodes=num_nodes,
         strategy=strategy,
         precision=config.precision,
+        deterministic=config.deterministic,
+        # The kernels that are tried and found the fastest may be others in each run.
+        benchmark=device.type == "cuda" and not config.deterministic,
         plugins=[
             WholeCheckpoints(),
             *([JointStatistics()] if many and config.sync_batchnorm else []),
@@ -304,7 +298,9 @@ def make_trainer(config: TrainConfig, run: RunFolder, resume: bool = False) -> p
             LearningRateMonitor("step"),
             RoundProgress(config.optim.steps, config.val_every) if on_terminal() else RoundLines(),
             TrainingTime(run.time_file),
-            SkipBadSteps(config.optim.max_bad_steps, str(run.checkpoints / LAST)),
+            SkipBadSteps(
+                config.optim.clip_norm, config.optim.max_bad_steps, str(run.checkpoints / LAST)
+            ),
             EndOnSignal(run.checkpoints / LAST, config.val_every, config.optim.steps),
             EndTogether(),
         ],
@@ -321,8 +317,7 @@ def _settle_precision(config: TrainConfig, run: RunFolder) -> Precision:
     begun_with = run.config().precision if decided else "auto"
     if begun_with != "auto":
         return begun_with
-    on_gpu = config.accelerator in ("auto", "gpu", "cuda") and torch.cuda.is_available()
-    device = torch.device("cuda" if on_gpu else "cpu")
+    device = choose_device(config.accelerator)
     return agreed_precision(device) if with_torchrun else fastest_precision(device)
 
 

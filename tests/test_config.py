@@ -1,3 +1,4 @@
+import math
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -16,6 +17,14 @@ def test_presets_come_back_from_yaml(tmp_path: Path, preset: str) -> None:
     config = PRESETS[preset][1]
     config.save(tmp_path / "config.yaml")
     assert TrainConfig.load(tmp_path / "config.yaml") == config
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_presets_train_on_far_more_than_they_validate_on(preset: str) -> None:
+    config = PRESETS[preset][1]
+    num_validations = math.ceil(config.optim.steps / config.val_every)
+    assert num_validations * config.val_samples > 0
+    assert num_validations * config.val_samples <= config.optim.steps * config.optim.batch_size / 5
 
 
 def test_every_changed_field_comes_back(tmp_path: Path) -> None:
@@ -41,6 +50,7 @@ def test_every_changed_field_comes_back(tmp_path: Path) -> None:
         planner=PlannerConfig("nearest", "border", True),
         optim=OptimConfig(steps=7, learning_rate=1e-5, schedule="cosine"),
         precision="bf16-mixed",
+        deterministic=True,
         seed=12,
         resume=True,
     )

@@ -220,9 +220,19 @@ def test_validation_loader_reads_every_sample_once(
 ) -> None:
     module = PlanningData(config, templates)
     batches = list(module.val_dataloader())
-    assert [len(batch.template_idx) for batch in batches] == [4, 3]
+    assert [len(batch.template_idx) for batch in batches] == [7]
     rows = torch.cat([batch.sensors.sample_idx for batch in batches]).tolist()
     assert rows == module.val_split.futures.sample.tolist()
+
+
+@pytest.mark.parametrize(("trains_on", "validates_on"), [(1, 8), (4, 8), (16, 32)])
+def test_validation_takes_larger_batches(
+    config: TrainConfig, templates: TemplateSet, trains_on: int, validates_on: int
+) -> None:
+    optim = replace(config.optim, batch_size=trains_on)
+    module = PlanningData(replace(config, optim=optim), templates)
+    assert module.train_dataloader().batch_size == trains_on
+    assert module.val_dataloader().batch_size == validates_on
 
 
 @pytest.mark.parametrize(("wanted", "got"), [(1, 1), (3, 3), (7, 7), (100, 7)])

@@ -41,6 +41,16 @@ def test_the_nearest_point_of_a_cell_counts() -> None:
     torch.testing.assert_close(seen, expected)
 
 
+def test_mixed_precision_moves_no_point() -> None:
+    points = torch.rand(500, 3, generator=torch.Generator().manual_seed(0)) * 40.0 - 20.0
+    expected = nearest_depths(points, INTRINSICS[None], POSE[None], (16, 32), 8)
+    assert expected.isfinite().sum() > 3
+    with torch.autocast("cpu", torch.bfloat16):
+        assert torch.equal(
+            nearest_depths(points, INTRINSICS[None], POSE[None], (16, 32), 8), expected
+        )
+
+
 def test_no_points_no_depths() -> None:
     seen = nearest_depths(POINTS[:0], INTRINSICS[None], POSE[None], (16, 32), 8)
     assert seen.shape == (1, 2, 4)

@@ -1,6 +1,7 @@
 """Lidar sweeps from disk, in the ego frame."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -53,7 +54,7 @@ def recent_sweeps(index: SampleIndex, row: int, num_scans: int) -> NDArray[np.in
 
 def load_scans(
     index: SampleIndex, root: Path, row: int, num_scans: int
-) -> Float[NDArray[np.float32], "P 5"]:
+) -> Float[np.ndarray[Any, np.dtype[np.float32]], "P 5"]:
     """Points of a sample's sweep and those before it, as if the car had stood still meanwhile.
 
     The car's own motion between the sweeps is undone; what else moves leaves a trail, which the age
@@ -103,7 +104,7 @@ def check_size(path: Path) -> None:
         raise DataError(f"The lidar sweep '{path}' is damaged: it ends within a point.")
 
 
-def _read(path: Path) -> Float[NDArray[np.float32], "P 5"]:
+def _read(path: Path) -> Float[np.ndarray[Any, np.dtype[np.float32]], "P 5"]:
     """Points in the lidar's own frame; those without a place or intensity are left out."""
     check_size(path)
     try:

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from jaxtyping import Float, Int, Shaped
 from scipy.optimize import minimize
 from scipy.sparse import csr_matrix
@@ -14,7 +13,7 @@ from scipy.special import logsumexp
 from shoot.baselines.folds import label_counts, scene_folds
 from shoot.planner import Planner
 
-Array = npt.NDArray[Any]
+Array = np.ndarray[Any, np.dtype[Any]]
 
 logger = logging.getLogger(__name__)
 

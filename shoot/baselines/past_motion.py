@@ -7,7 +7,6 @@ from itertools import islice
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor, nn
@@ -16,7 +15,7 @@ from shoot.baselines.folds import scene_folds
 from shoot.baselines.prior import fit_prior
 from shoot.trajectories import DT_S, Futures
 
-Array = npt.NDArray[Any]
+Array = np.ndarray[Any, np.dtype[Any]]
 
 logger = logging.getLogger(__name__)
 

@@ -3,12 +3,11 @@
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from jaxtyping import Float, Int, Shaped
 
 from shoot.baselines.folds import label_counts, scene_folds
 
-Array = npt.NDArray[Any]
+Array = np.ndarray[Any, np.dtype[Any]]
 
 SMOOTHINGS = (3.0, 1.0, 0.3, 0.1, 0.03, 0.01)
 

@@ -5,12 +5,11 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float, UInt8
-from numpy.typing import NDArray
 
 from lss_core.config import CAMERAS
 from lss_core.grid import BevGrid
 
-FloatArray = NDArray[np.floating[Any]]
+FloatArray = np.ndarray[Any, np.dtype[np.floating[Any]]]
 
 
 @dataclass(frozen=True)
@@ -37,7 +36,7 @@ class SampleView:
         ValueError: If sizes do not belong together, or templates come without probabilities.
     """
 
-    images: UInt8[NDArray[np.uint8], "N H W 3"]
+    images: UInt8[np.ndarray[Any, np.dtype[np.uint8]], "N H W 3"]
     pixel_from_camera: Float[FloatArray, "N 3 3"]
     ego_from_camera: Float[FloatArray, "N 4 4"]
     camera_names: tuple[str, ...] = CAMERAS

@@ -12,13 +12,12 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from shoot.rendering import palette
 from shoot.rendering.bev_panel import draw_ego
 from shoot.rendering.sample_view import FloatArray, from_origin
 
-IntArray = NDArray[np.integer[Any]]
+IntArray = np.ndarray[Any, np.dtype[np.integer[Any]]]
 
 
 def render_templates(

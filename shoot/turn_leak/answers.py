@@ -12,11 +12,10 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from jaxtyping import Bool, Float, Int
 
-Array = npt.NDArray[Any]
+Array = np.ndarray[Any, np.dtype[Any]]
 Direction = Literal["left", "straight", "right"]
 Stage = Literal["hidden", "others", "ego"]
 
