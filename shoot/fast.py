@@ -107,7 +107,7 @@ class FastPlanner:
         one = slice(b, b + 1)
         # Masked images run along, so that shapes stay; the index has none of their points.
         context, depth_prob = self._encode_images(model.network_images(sensors.images[b]))
-        indices = model.splat_indices(
+        index = model.splat_index(
             sensors.pixel_from_camera[one], sensors.ego_from_camera[one], sensors.camera_mask[one]
         )
-        return pool(context[None], depth_prob[None], indices, model.config.grid)
+        return pool(context[None], depth_prob[None], index, model.config.grid)
