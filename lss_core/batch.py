@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import torch
 from jaxtyping import Bool, Float, Int, Shaped
@@ -23,8 +24,8 @@ class Batch:
         points: x, y, z in metres in `ego`, intensity 0 to 255, age in seconds; those of a batch's
             samples one after the other.
         point_counts: How many of them each sample has.
-        every_camera: True if the host knows that no camera is masked, so that nobody has to wait for
-            the mask to come back from a GPU. Settled when a batch is moved there.
+        every_camera: True if the host knows that no camera is masked, so that it need not wait for
+            a GPU to tell. Settled when a batch is moved there.
     """
 
     images: Shaped[Tensor, "*B N 3 H W"]
@@ -56,7 +57,7 @@ class Batch:
         """The same in page-locked memory, for faster copies to a GPU."""
         return replace(self, **{n: t.pin_memory() for n, t in self._tensors().items()})
 
-    def _tensors(self) -> dict[str, Tensor]:
+    def _tensors(self) -> dict[str, Any]:
         return {f.name: getattr(self, f.name) for f in fields(self) if f.init}
 
 

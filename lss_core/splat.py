@@ -18,7 +18,6 @@ from torch.autograd.function import once_differentiable
 
 from lss_core.grid import BevGrid
 
-
 # A bag of points outside the grid; short, as a GPU sums a bag's points one after the other.
 _SPARE_BAG = 64
 

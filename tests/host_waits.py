@@ -42,10 +42,27 @@ class NoHostWaits(TorchDispatchMode):
         result = func(*args, **(kwargs or {}))
         if func is aten._to_copy.default and result.device != args[0].device:
             raise AssertionError(f"A tensor is moved from {args[0].device} to {result.device}.")
-        devices = {t.device for t in args if isinstance(t, Tensor) and t.dim() > 0}
-        if len(devices) > 1:
-            raise AssertionError(f"{func} mixes devices.")
+        _refuse_mixed_devices(func, args)
         return result
+
+
+class NoMixedDevices(TorchDispatchMode):
+    """Refuses functions of tensors of several devices, as a GPU does; one number may be anywhere.
+
+    Some functions let the device `meta` pass.
+    """
+
+    def __torch_dispatch__(
+        self, func: Any, types: Any, args: Any = (), kwargs: dict[str, Any] | None = None
+    ) -> Any:
+        _refuse_mixed_devices(func, args)
+        return func(*args, **(kwargs or {}))
+
+
+def _refuse_mixed_devices(func: Any, args: Any) -> None:
+    devices = {t.device for t in args if isinstance(t, Tensor) and t.dim() > 0}
+    if len(devices) > 1:
+        raise AssertionError(f"{func} takes tensors of {devices}.")
 
 
 def assert_no_host_wait(function: Callable[[], Any]) -> None:
