@@ -37,8 +37,8 @@ def frustum_points(
     Args:
         image_hw: Height and width of the network's image in pixels, whole multiples of `stride`.
         stride: Pixels per feature cell.
-        depths_m: Depths along the camera's z axis. To copy numbers to a GPU the host waits; a tensor
-            that lies there costs nothing.
+        depths_m: Depths along the camera's z axis. To copy numbers to a GPU the host waits, for a
+            tensor that lies there it does not.
         pixel_from_camera: Intrinsics of the network's image, augmentation folded in.
         ego_from_camera: Camera poses.
         centers: `released` spreads the cells evenly from the first to the last pixel instead, as

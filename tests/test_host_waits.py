@@ -28,7 +28,7 @@ CONFIG = ModelConfig(
 )
 
 
-def _batch(num_samples: int = 2) -> Batch:
+def some_batch(num_samples: int = 2) -> Batch:
     intrinsics = torch.tensor([[40.0, 0.0, 31.5], [0.0, 40.0, 15.5], [0.0, 0.0, 1.0]])
     ahead = torch.tensor([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 1.5], [0, 0, 0, 1]])
     random = torch.Generator().manual_seed(0)
@@ -56,7 +56,7 @@ def test_no_wait_from_images_to_gradients(
     model = CameraModel(replace(CONFIG, frustum=frustum), (32, 64))
     model = model.to(device).train()
     planner = Planner(torch.randn(7, 5, 2), CONFIG.grid).to(device)
-    on_host = _batch()
+    on_host = some_batch()
     # On the CPU nobody waits for the mask; on its way to a GPU the batch learns that it is full.
     sensors = on_host.to("meta")
     if device == "cpu":
@@ -88,7 +88,7 @@ def test_waits_are_found(wait: Callable[[Tensor], object]) -> None:
 
 
 def test_a_batch_on_a_gpu_knows_whether_its_mask_hides_a_camera() -> None:
-    whole = _batch()
+    whole = some_batch()
     assert whole.to("meta").every_camera
     assert whole.to("meta").to("meta").every_camera
     hidden = replace(whole, camera_mask=torch.tensor([[True, True], [True, False]]))

@@ -176,6 +176,15 @@ def test_what_lies_outside_is_cut_into_short_bags() -> None:
     assert int(lengths.max()) <= 64
 
 
+def test_no_size_of_an_index_depends_on_where_points_lie() -> None:
+    points = _inputs(2, 3)[2]
+    shapes = [
+        [t.shape for t in (index.cell_of, index.point_idx, index.bag_starts)]
+        for index in (build_splat_index(p, GRID) for p in (points, points + 1.0, points + 1000.0))
+    ]
+    assert shapes[0] == shapes[1] == shapes[2]
+
+
 def test_what_lies_outside_does_not_spoil_a_cell() -> None:
     context, depth_prob, points = _inputs(2, 2, dtype=torch.float32)
     points[1] = 1000.0
