@@ -1,7 +1,8 @@
 """What the models read: images and where each pixel looks, or lidar points."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import torch
 from jaxtyping import Bool, Float, Int, Shaped
@@ -23,6 +24,8 @@ class Batch:
         points: x, y, z in metres in `ego`, intensity 0 to 255, age in seconds; those of a batch's
             samples one after the other.
         point_counts: How many of them each sample has.
+        every_camera: True if the host knows that no camera is masked, so that it need not wait for
+            a GPU to tell. Settled when a batch is moved there.
     """
 
     images: Shaped[Tensor, "*B N 3 H W"]
@@ -32,6 +35,8 @@ class Batch:
     sample_idx: Int[Tensor, "*B"]
     points: Float[Tensor, "P 5"]
     point_counts: Int[Tensor, "*B"]
+    # No argument: a copy with another mask does not keep it.
+    every_camera: bool = field(init=False, default=False)
 
     @property
     def point_offsets(self) -> Int[Tensor, "*B"]:
@@ -40,15 +45,20 @@ class Batch:
 
     def to(self, device: torch.device | str, non_blocking: bool = False) -> "Batch":
         """The same on another device."""
-        moved = {
-            f.name: getattr(self, f.name).to(device, non_blocking=non_blocking)
-            for f in fields(self)
-        }
-        return replace(self, **moved)
+        moved = replace(
+            self, **{n: t.to(device, non_blocking=non_blocking) for n, t in self._tensors().items()}
+        )
+        on_host = self.camera_mask.device.type == "cpu"
+        every_camera = bool(self.camera_mask.all()) if on_host else self.every_camera
+        object.__setattr__(moved, "every_camera", every_camera)
+        return moved
 
     def pin_memory(self) -> "Batch":
         """The same in page-locked memory, for faster copies to a GPU."""
-        return replace(self, **{f.name: getattr(self, f.name).pin_memory() for f in fields(self)})
+        return replace(self, **{n: t.pin_memory() for n, t in self._tensors().items()})
+
+    def _tensors(self) -> dict[str, Any]:
+        return {f.name: getattr(self, f.name) for f in fields(self) if f.init}
 
 
 def collate(samples: Sequence[Batch]) -> Batch:
@@ -56,6 +66,6 @@ def collate(samples: Sequence[Batch]) -> Batch:
     stacked = {
         f.name: torch.stack([getattr(sample, f.name) for sample in samples])
         for f in fields(Batch)
-        if f.name != "points"
+        if f.init and f.name != "points"
     }
     return Batch(points=torch.cat([sample.points for sample in samples]), **stacked)

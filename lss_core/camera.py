@@ -37,7 +37,8 @@ def frustum_points(
     Args:
         image_hw: Height and width of the network's image in pixels, whole multiples of `stride`.
         stride: Pixels per feature cell.
-        depths_m: Depths along the camera's z axis.
+        depths_m: Depths along the camera's z axis. To copy numbers to a GPU the host waits, for a
+            tensor that lies there it does not.
         pixel_from_camera: Intrinsics of the network's image, augmentation folded in.
         ego_from_camera: Camera poses.
         centers: `released` spreads the cells evenly from the first to the last pixel instead, as
@@ -56,14 +57,12 @@ def frustum_points(
     device = pixel_from_camera.device
     with torch.autocast(device.type, enabled=False), torch.no_grad():
         depth_m = torch.as_tensor(depths_m, dtype=torch.float64, device=device)
-        u_px, v_px = (
-            _cell_centres(length_px, stride, centers if isinstance(centers, str) else centers[axis])
-            for axis, length_px in enumerate((width_px, height_px))
-        )
-        u_px, v_px = u_px.to(device), v_px.to(device)
+        first_u, first_v = (centers, centers) if isinstance(centers, str) else centers
+        u_px = _cell_centres(width_px, stride, first_u, device)
+        v_px = _cell_centres(height_px, stride, first_v, device)
         v_grid, u_grid = torch.meshgrid(v_px, u_px, indexing="ij")
         pixels = torch.stack([u_grid, v_grid, torch.ones_like(u_grid)], dim=-1)  # H W 3
-        camera_from_pixel = torch.linalg.inv(pixel_from_camera.double())
+        camera_from_pixel = _inverse(pixel_from_camera.double())
         ego_from_camera64 = ego_from_camera.double()
         # One ray per pixel, of length 1 in z; the rest is scaling by depth.
         ego_from_pixel = ego_from_camera64[..., :3, :3] @ camera_from_pixel
@@ -74,16 +73,35 @@ def frustum_points(
 
 
 def _cell_centres(
-    length_px: int, stride: int, centers: Literal["cell", "released"] | Float[Tensor, ""]
+    length_px: int,
+    stride: int,
+    centers: Literal["cell", "released"] | Float[Tensor, ""],
+    device: torch.device,
 ) -> Float[Tensor, "S"]:
     """Pixel coordinate that each feature cell along one side stands for."""
     count = length_px // stride
-    if isinstance(centers, Tensor):
-        first_px = centers.double()
-        return torch.arange(count, dtype=torch.float64, device=centers.device) * stride + first_px
     if centers == "released":
-        return torch.linspace(0.0, length_px - 1.0, count, dtype=torch.float64)
-    return torch.arange(count, dtype=torch.float64) * stride + (stride - 1) / 2.0
+        return torch.linspace(0.0, length_px - 1.0, count, dtype=torch.float64, device=device)
+    first_px = centers.double() if isinstance(centers, Tensor) else (stride - 1) / 2.0
+    return torch.arange(count, dtype=torch.float64, device=device) * stride + first_px
+
+
+def _inverse(matrix: Float[Tensor, "*S 3 3"]) -> Float[Tensor, "*S 3 3"]:
+    """Of each matrix; not finite where there is none.
+
+    `torch.linalg.inv` has the host wait for a GPU to say whether there is one.
+    """
+    first, second, third = matrix.unbind(dim=-1)
+    rows = torch.stack(
+        [
+            torch.linalg.cross(second, third),
+            torch.linalg.cross(third, first),
+            torch.linalg.cross(first, second),
+        ],
+        dim=-2,
+    )
+    determinant = (first * rows[..., 0, :]).sum(dim=-1)
+    return rows / determinant[..., None, None]
 
 
 def project(

@@ -93,7 +93,7 @@ class BevGrid:
 
     def continuous_cells(self, xy_m: Float[Tensor, "*S 2"]) -> Float[Tensor, "*S 2"]:
         """Place of points in cells: 0 at the lower border, 0.5 at the first cell's centre."""
-        lower_m = xy_m.new_tensor([self.x_min_m, self.y_min_m])
+        lower_m = _pair(xy_m, self.x_min_m, self.y_min_m)
         return (xy_m - lower_m) / self.cell_m
 
     def cells(self, xy_m: Float[Tensor, "*S 2"]) -> tuple[Int[Tensor, "*S 2"], Bool[Tensor, "*S"]]:
@@ -106,7 +106,7 @@ class BevGrid:
             Integer (x, y) cells, valid only where the mask is True; and the mask.
         """
         place = self.continuous_cells(xy_m)
-        upper = place.new_tensor([self.num_x, self.num_y])
+        upper = _pair(place, float(self.num_x), float(self.num_y))
         inside = ((place >= 0.0) & (place < upper)).all(dim=-1)
         cells = torch.where(inside[..., None], place, torch.zeros_like(place)).floor().long()
         return cells, inside
@@ -116,3 +116,8 @@ class BevGrid:
         x_m = self.x_min_m + (torch.arange(self.num_x, dtype=torch.float64) + 0.5) * self.cell_m
         y_m = self.y_min_m + (torch.arange(self.num_y, dtype=torch.float64) + 0.5) * self.cell_m
         return torch.stack(torch.meshgrid(x_m, y_m, indexing="ij"), dim=-1).float()
+
+
+def _pair(like: Float[Tensor, "*S 2"], x: float, y: float) -> Float[Tensor, "2"]:
+    """Two numbers, made where `like` lies: a copy to a GPU would make the host wait."""
+    return torch.cat([like.new_full((1,), x), like.new_full((1,), y)])

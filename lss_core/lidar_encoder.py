@@ -15,6 +15,7 @@ _POINT_FEATURES = 5
 # Of a pillar: x, y of its cell; mean x, y, z of its points.
 _PILLAR_FEATURES = 5
 _HEIGHT_M = 3.0
+# What stays in the cache of a processor.
 _PIECE_ROWS = 8192
 
 
@@ -110,7 +111,7 @@ class _LargestOfEach(torch.autograd.Function):
 
     Autograd's own way makes five arrays of all rows and channels, and its gradient of a maximum
     looks for ties. Here a piece of the rows at a time stays in the processor's cache, forward and
-    backward.
+    backward. A GPU takes all rows at once.
     """
 
     @staticmethod
@@ -124,7 +125,7 @@ class _LargestOfEach(torch.autograd.Function):
         """[G, C]; minus infinity where a group has no rows."""
         values = features.new_empty(len(features), len(weight))
         largest = features.new_full((num_groups, len(weight)), -math.inf)
-        for rows in _pieces(len(features)):
+        for rows in _pieces(features):
             torch.mm(features[rows], weight.t(), out=values[rows])
             index = group[rows, None].expand(-1, len(weight))
             largest.scatter_reduce_(0, index, values[rows], "amax")
@@ -139,12 +140,13 @@ class _LargestOfEach(torch.autograd.Function):
         features, group, values, largest = ctx.saved_tensors
         (gradient,) = gradients
         of_weight = gradient.new_zeros(gradient.shape[1], features.shape[1])
-        for rows in _pieces(len(features)):
+        for rows in _pieces(features):
             own = group[rows]
             has_largest = values[rows] == largest[own]
             of_weight.addmm_((gradient[own] * has_largest).t(), features[rows])
         return None, of_weight, None, None
 
 
-def _pieces(num_rows: int) -> Iterator[slice]:
-    return (slice(start, start + _PIECE_ROWS) for start in range(0, num_rows, _PIECE_ROWS))
+def _pieces(rows: Float[Tensor, "Q F"]) -> Iterator[slice]:
+    step = _PIECE_ROWS if rows.device.type == "cpu" else max(1, len(rows))
+    return (slice(start, start + step) for start in range(0, len(rows), step))

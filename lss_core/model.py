@@ -9,7 +9,7 @@ from torch import Tensor, nn
 from lss_core.batch import Batch
 from lss_core.bev_encoder import BevEncoder
 from lss_core.camera import frustum_points
-from lss_core.config import DataConfig, ModelConfig
+from lss_core.config import DataConfig, DepthBins, ModelConfig
 from lss_core.feature_centres import first_feature_px
 from lss_core.image_encoder import ImageEncoder
 from lss_core.lidar_encoder import PillarEncoder
@@ -81,9 +81,8 @@ class CameraModel(nn.Module):
             pixel_from_camera: Intrinsics with the augmentation folded in.
             ego_from_camera: Camera poses.
             camera_mask: False where a camera is not there; its image and calibration play no part.
+                None: all are there. With a mask the host waits for a GPU to see how many.
         """
-        if camera_mask is None:
-            camera_mask = images.new_ones(images.shape[:2], dtype=torch.bool)
         bev = self.splat(images, pixel_from_camera, ego_from_camera, camera_mask)
         output: Tensor = self.bev_encoder(bev)
         return output
@@ -91,7 +90,7 @@ class CameraModel(nn.Module):
     def forward_batch(self, batch: Batch) -> Float[Tensor, "B Cout X Y"]:
         """The map of each sample of a batch."""
         output: Tensor = self(
-            batch.images, batch.pixel_from_camera, batch.ego_from_camera, batch.camera_mask
+            batch.images, batch.pixel_from_camera, batch.ego_from_camera, _mask(batch)
         )
         return output
 
@@ -99,11 +98,9 @@ class CameraModel(nn.Module):
         self, batch: Batch
     ) -> tuple[Float[Tensor, "B Cout X Y"], Float[Tensor, "B N D H W"]]:
         """The map of each sample of a batch, and the depths that its features were put at."""
-        context, depth_prob = self.encode_images(batch.images, batch.camera_mask)
-        indices = self.splat_indices(
-            batch.pixel_from_camera, batch.ego_from_camera, batch.camera_mask
-        )
-        output: Tensor = self.bev_encoder(pool(context, depth_prob, indices, self.config.grid))
+        context, depth_prob = self.encode_images(batch.images, _mask(batch))
+        index = self.splat_index(batch.pixel_from_camera, batch.ego_from_camera, _mask(batch))
+        output: Tensor = self.bev_encoder(pool(context, depth_prob, index, self.config.grid))
         return output, depth_prob
 
     def splat(
@@ -111,25 +108,25 @@ class CameraModel(nn.Module):
         images: Shaped[Tensor, "B N 3 Hi Wi"],
         pixel_from_camera: Float[Tensor, "B N 3 3"],
         ego_from_camera: Float[Tensor, "B N 4 4"],
-        camera_mask: Bool[Tensor, "B N"],
+        camera_mask: Bool[Tensor, "B N"] | None = None,
     ) -> Float[Tensor, "B C X Y"]:
         """Context summed into the grid's cells, before the map's own network."""
         context, depth_prob = self.encode_images(images, camera_mask)
-        indices = self.splat_indices(pixel_from_camera, ego_from_camera, camera_mask)
-        return pool(context, depth_prob, indices, self.config.grid)
+        index = self.splat_index(pixel_from_camera, ego_from_camera, camera_mask)
+        return pool(context, depth_prob, index, self.config.grid)
 
     def encode_images(
-        self, images: Shaped[Tensor, "B N 3 Hi Wi"], camera_mask: Bool[Tensor, "B N"]
+        self, images: Shaped[Tensor, "B N 3 Hi Wi"], camera_mask: Bool[Tensor, "B N"] | None = None
     ) -> tuple[Float[Tensor, "B N C H W"], Float[Tensor, "B N D H W"]]:
         """Context and depth probabilities of each image; zeros for masked cameras.
 
         Masked images do not pass the network, so they leave no trace in batch statistics either.
         """
         num_samples, num_cameras = images.shape[:2]
-        present = camera_mask.flatten()
         flat = images.flatten(0, 1)
-        everything = bool(present.all())
-        if not everything:
+        present = None
+        if camera_mask is not None and not camera_mask.all():
+            present = camera_mask.flatten()
             flat = flat[present]
         flat = self.network_images(flat)
         height, width = (side // self.config.image_stride for side in self.image_hw)
@@ -138,7 +135,7 @@ class CameraModel(nn.Module):
         else:
             context = flat.new_zeros(0, self.config.context_channels, height, width)
             depth_prob = flat.new_zeros(0, len(self.config.depth.depths_m), height, width)
-        if not everything:
+        if present is not None:
             context, depth_prob = _spread(context, present), _spread(depth_prob, present)
         shape = (num_samples, num_cameras)
         return context.unflatten(0, shape), depth_prob.unflatten(0, shape)
@@ -166,38 +163,41 @@ class CameraModel(nn.Module):
             return self.first_px
         return frustum
 
-    def splat_indices(
+    def splat_index(
+        self,
+        pixel_from_camera: Float[Tensor, "B N 3 3"],
+        ego_from_camera: Float[Tensor, "B N 4 4"],
+        camera_mask: Bool[Tensor, "B N"] | None = None,
+    ) -> SplatIndex:
+        """The splat index of a batch; from the cache if it lies on the host and is known."""
+        if camera_mask is None:
+            camera_mask = pixel_from_camera.new_ones(pixel_from_camera.shape[:2], dtype=torch.bool)
+        if pixel_from_camera.device.type != "cpu":
+            return self._build_index(pixel_from_camera, ego_from_camera, camera_mask)
+        key = self.cache.key(pixel_from_camera, ego_from_camera, camera_mask)
+        index = self.cache.get(key)
+        if index is None:
+            index = self._build_index(pixel_from_camera, ego_from_camera, camera_mask)
+            self.cache.put(key, index)
+        return index
+
+    def _build_index(
         self,
         pixel_from_camera: Float[Tensor, "B N 3 3"],
         ego_from_camera: Float[Tensor, "B N 4 4"],
         camera_mask: Bool[Tensor, "B N"],
-    ) -> list[SplatIndex]:
-        """The splat index of each sample, from the cache where its calibration is known."""
-        keys = self.cache.keys(pixel_from_camera, ego_from_camera, camera_mask)
-        found = [self.cache.get(key) for key in keys]
-        new = [b for b, index in enumerate(found) if index is None]
-        eye = torch.eye(3, dtype=pixel_from_camera.dtype, device=pixel_from_camera.device)
-        for b in new:
-            # A camera that is not there may have any calibration, even one that has no inverse.
-            there = camera_mask[b, :, None, None]
-            (points_ego,) = frustum_points(
-                self.image_hw,
-                self.config.image_stride,
-                self.config.depth.depths_m,
-                torch.where(there, pixel_from_camera[b], eye)[None],
-                ego_from_camera[b][None],
-                centers=self._centers,
-            )
-            index = build_splat_index(
-                points_ego,
-                self.config.grid,
-                self.config.z_min_m,
-                self.config.z_max_m,
-                camera_mask[b],
-            )
-            self.cache.put(keys[b], index)
-            found[b] = index
-        return [index for index in found if index is not None]
+    ) -> SplatIndex:
+        points_ego = frustum_points(
+            self.image_hw,
+            self.config.image_stride,
+            _depths_m(self.config.depth, pixel_from_camera.device),
+            pixel_from_camera,
+            ego_from_camera,
+            centers=self._centers,
+        )
+        return build_splat_index(
+            points_ego, self.config.grid, self.config.z_min_m, self.config.z_max_m, camera_mask
+        )
 
 
 class LidarModel(nn.Module):
@@ -260,6 +260,17 @@ def _bev_encoder(config: ModelConfig, out_channels: int) -> BevEncoder:
         decoder_channels=config.decoder_channels,
         head_init_std=config.head_init_std,
     )
+
+
+def _mask(batch: Batch) -> Bool[Tensor, "B N"] | None:
+    """None where it is known to hide nothing."""
+    return None if batch.every_camera else batch.camera_mask
+
+
+def _depths_m(depth: DepthBins, device: torch.device) -> Float[Tensor, "D"]:
+    """`depth.depths_m` to the bit, made on a device: copied there, the host would wait."""
+    steps = torch.arange(len(depth.depths_m), dtype=torch.float64, device=device)
+    return depth.min_m + steps * depth.step_m
 
 
 def _spread(values: Float[Tensor, "P ..."], present: Bool[Tensor, "M"]) -> Float[Tensor, "M ..."]:

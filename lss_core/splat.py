@@ -7,7 +7,6 @@ and depth fall into which cell depends on calibration alone: `build_splat_index`
 """
 
 from collections import OrderedDict
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,40 +18,49 @@ from torch.autograd.function import once_differentiable
 
 from lss_core.grid import BevGrid
 
+# A bag of points outside the grid; short, as a GPU sums a bag's points one after the other.
+_SPARE_BAG = 64
+
 
 @dataclass(frozen=True)
 class SplatIndex:
-    """Which pixel and depth fall into which cell, for one sample.
+    """Which pixel and depth fall into which cell, for the samples of a batch.
+
+    Cells and pixels are counted through all samples. No size depends on where points lie, so that a
+    GPU can make it while the host goes on.
 
     Attributes:
+        num_samples: B.
         cell_of: The cell (X outer) of each pixel at each depth; -1 outside the grid.
-        point_idx: The points inside the grid, as places in `cell_of`, sorted by cell.
-        cell_starts: First of each cell's points in `point_idx`; an empty cell starts where the next
-            one does.
+        point_idx: All points, as places in `cell_of`, sorted by cell; those outside the grid last.
+        bag_starts: First of each cell's points in `point_idx`; an empty cell starts where the next
+            one does. Then R more, which cut what lies outside the grid into short bags that nobody
+            reads.
     """
 
-    cell_of: Int[Tensor, "NHW D"]
+    num_samples: int
+    cell_of: Int[Tensor, "BNHW D"]
     point_idx: Int[Tensor, "P"]
-    cell_starts: Int[Tensor, "XY"]
+    bag_starts: Int[Tensor, "Q"]
 
     @property
     def num_bytes(self) -> int:
         """Memory held."""
-        return sum(t.nbytes for t in (self.cell_of, self.point_idx, self.cell_starts))
+        return sum(t.nbytes for t in (self.cell_of, self.point_idx, self.bag_starts))
 
 
 @torch.no_grad()
 def build_splat_index(
-    points_ego: Float[Tensor, "N D H W 3"],
+    points_ego: Float[Tensor, "B N D H W 3"],
     grid: BevGrid,
     z_min_m: float = -10.0,
     z_max_m: float = 10.0,
-    camera_mask: Bool[Tensor, "N"] | None = None,
+    camera_mask: Bool[Tensor, "B N"] | None = None,
 ) -> SplatIndex:
-    """Sort one sample's frustum points into the grid's cells.
+    """Sort the frustum points of a batch into the grid's cells.
 
-    Points outside the grid, outside [z_min_m, z_max_m), not finite, or of a masked camera are left
-    out. The sort is stable, so sums always run in the same order.
+    Points outside the grid, outside [z_min_m, z_max_m), not finite, or of a masked camera are in no
+    cell. The sort is stable, so sums always run in the same order. On a GPU the host does not wait.
 
     Args:
         points_ego: Metres, in `ego`.
@@ -61,28 +69,34 @@ def build_splat_index(
         z_max_m: Upper border of the pillars.
         camera_mask: False for cameras that are not there.
     """
+    num_samples, num_cells = len(points_ego), len(points_ego) * grid.num_x * grid.num_y
     cells, kept = grid.cells(points_ego[..., :2])
     z_m = points_ego[..., 2]
     kept &= (z_m >= z_min_m) & (z_m < z_max_m)
     if camera_mask is not None:
-        kept &= camera_mask[:, None, None, None]
+        kept &= camera_mask[:, :, None, None, None]
+    sample = torch.arange(num_samples, device=cells.device)[:, None, None, None, None]
     # int32 halves the memory of the cache and of the bag's reads.
-    cell_idx = torch.where(kept, cells[..., 0] * grid.num_y + cells[..., 1], -1).int()
-    cell_of = cell_idx.permute(0, 2, 3, 1).flatten(0, 2).contiguous()
-    point_idx = (cell_of.flatten() >= 0).nonzero()[:, 0]
-    sorted_cells, order = torch.sort(cell_of.flatten()[point_idx], stable=True)
-    counts = torch.bincount(sorted_cells, minlength=grid.num_x * grid.num_y)
+    cell_idx = ((sample * grid.num_x + cells[..., 0]) * grid.num_y + cells[..., 1]).int()
+    cell_idx = torch.where(kept, cell_idx, -1).permute(0, 1, 3, 4, 2).contiguous()
+    bag = torch.where(cell_idx < 0, num_cells, cell_idx).flatten()
+    counts = torch.zeros(num_cells + 1, dtype=torch.int32, device=bag.device)
+    counts.scatter_add_(0, bag.long(), torch.ones_like(bag))
+    starts = counts.cumsum(0, dtype=torch.int32) - counts
+    spare = torch.arange(-(-len(bag) // _SPARE_BAG), dtype=torch.int32, device=bag.device)
+    spare_starts = (starts[num_cells:] + _SPARE_BAG * spare).clamp(max=len(bag))
     return SplatIndex(
-        cell_of=cell_of,
-        point_idx=point_idx[order].int(),
-        cell_starts=(counts.cumsum(0) - counts).int(),
+        num_samples=num_samples,
+        cell_of=cell_idx.flatten(0, 3),
+        point_idx=torch.sort(bag, stable=True).indices.int(),
+        bag_starts=torch.cat([starts[:num_cells], spare_starts]),
     )
 
 
 def pool(
     context: Float[Tensor, "B N C H W"],
     depth_prob: Float[Tensor, "B N D H W"],
-    indices: Sequence[SplatIndex],
+    index: SplatIndex,
     grid: BevGrid,
 ) -> Float[Tensor, "B C X Y"]:
     """Sum context x depth probability into the grid's cells, differentiably in both.
@@ -92,8 +106,8 @@ def pool(
     Args:
         context: What each pixel has to say.
         depth_prob: How likely each pixel lies at each depth.
-        indices: One per sample of the batch.
-        grid: The grid the indices were built for.
+        index: Of this batch.
+        grid: The grid the index was built for.
 
     Paper: sections 3.1 (Eq. 1) and 3.2.
     """
@@ -102,9 +116,10 @@ def pool(
         # Both are views where channels lie innermost in memory, as convolutions leave them.
         rows = context.to(dtype).permute(0, 1, 3, 4, 2).flatten(0, 3).contiguous()
         weights = depth_prob.to(dtype).permute(0, 1, 3, 4, 2).flatten(0, 3).contiguous()
-        bags: Tensor = _SumIntoCells.apply(rows, weights, tuple(indices))
+        num_cells = index.num_samples * grid.num_x * grid.num_y
+        bags: Tensor = _SumIntoCells.apply(rows, weights, index, num_cells)
         # A view whose channels lie innermost in memory: the layout convolutions like.
-        return bags.view(len(indices), grid.num_x, grid.num_y, -1).permute(0, 3, 1, 2)
+        return bags.view(index.num_samples, *grid.shape, -1).permute(0, 3, 1, 2)
 
 
 class _SumIntoCells(torch.autograd.Function):
@@ -119,61 +134,41 @@ class _SumIntoCells(torch.autograd.Function):
         ctx: Any,
         rows: Float[Tensor, "BNHW C"],
         weights: Float[Tensor, "BNHW D"],
-        indices: tuple[SplatIndex, ...],
+        index: SplatIndex,
+        num_cells: int,
     ) -> Float[Tensor, "BXY C"]:
         """Sum of the rows of each cell's points, weighted."""
         ctx.save_for_backward(rows, weights)
-        ctx.indices = indices
-        point_idx, cell_starts = _join(indices)
-        point_weights = weights.flatten().index_select(0, point_idx)
-        pixel_idx = point_idx.floor_divide_(weights.shape[1])
-        return F.embedding_bag(
-            pixel_idx, rows, cell_starts, mode="sum", per_sample_weights=point_weights
+        ctx.index = index
+        bags = F.embedding_bag(
+            index.point_idx // weights.shape[1],
+            rows,
+            index.bag_starts,
+            mode="sum",
+            per_sample_weights=weights.flatten().index_select(0, index.point_idx),
         )
+        return bags[:num_cells]
 
     @staticmethod
     @once_differentiable
     def backward(
         ctx: Any, *grads: Float[Tensor, "BXY C"]
-    ) -> tuple[Float[Tensor, "BNHW C"], Float[Tensor, "BNHW D"], None]:
+    ) -> tuple[Float[Tensor, "BNHW C"], Float[Tensor, "BNHW D"], None, None]:
         """Each pixel collects from the cells of its depths; the weights are the same."""
         rows, weights = ctx.saved_tensors
-        grad_rows, grad_weights = torch.empty_like(rows), torch.empty_like(weights)
-        first_pixel = first_cell = 0
-        for index in ctx.indices:
-            pixels = slice(first_pixel, first_pixel + len(index.cell_of))
-            cells = slice(first_cell, first_cell + len(index.cell_starts))
-            outside = index.cell_of < 0
-            with torch.enable_grad():
-                inside = weights[pixels].masked_fill(outside, 0.0).requires_grad_()
-                collected = F.embedding_bag(
-                    index.cell_of.clamp(min=0),
-                    grads[0][cells].contiguous(),
-                    mode="sum",
-                    per_sample_weights=inside,
-                )
-            grad_rows[pixels] = collected.detach()
-            # A weight's gradient is the product of its pixel's row and its cell's gradient: what
-            # the weight of this second bag gets when the rows come back to it as gradients.
-            (grad,) = torch.autograd.grad(collected, inside, rows[pixels])
-            grad_weights[pixels] = grad.masked_fill(outside, 0.0)
-            first_pixel, first_cell = pixels.stop, cells.stop
-        return grad_rows, grad_weights, None
-
-
-def _join(indices: Sequence[SplatIndex]) -> tuple[Int[Tensor, "P"], Int[Tensor, "BXY"]]:
-    """Points and cell starts of a batch whose samples lie one behind the other."""
-    point_idx = torch.cat([index.point_idx for index in indices])
-    cell_starts = torch.cat([index.cell_starts for index in indices])
-    num_places = num_points = num_cells = 0
-    for index in indices:
-        points = slice(num_points, num_points + len(index.point_idx))
-        cells = slice(num_cells, num_cells + len(index.cell_starts))
-        point_idx[points] += num_places
-        cell_starts[cells] += num_points
-        num_places += index.cell_of.numel()
-        num_points, num_cells = points.stop, cells.stop
-    return point_idx, cell_starts
+        outside = ctx.index.cell_of < 0
+        with torch.enable_grad():
+            inside = weights.masked_fill(outside, 0.0).requires_grad_()
+            collected = F.embedding_bag(
+                ctx.index.cell_of.clamp(min=0),
+                grads[0].contiguous(),
+                mode="sum",
+                per_sample_weights=inside,
+            )
+        # A weight's gradient is the product of its pixel's row and its cell's gradient: what the
+        # weight of this second bag gets when the rows come back to it as gradients.
+        (grad,) = torch.autograd.grad(collected, inside, rows)
+        return collected.detach(), grad.masked_fill(outside, 0.0), None, None
 
 
 def lift_splat(
@@ -186,7 +181,7 @@ def lift_splat(
 ) -> Float[Tensor, "B C X Y"]:
     """Sum context x depth probability over the points in each pillar, straight from points.
 
-    The plain door: builds an index per sample, uses it once.
+    The plain door: builds an index, uses it once.
 
     Args:
         context: What each pixel has to say.
@@ -198,15 +193,16 @@ def lift_splat(
 
     Paper: sections 3.1 (Eq. 1) and 3.2.
     """
-    indices = [build_splat_index(points, grid, z_min_m, z_max_m) for points in points_ego]
-    return pool(context, depth_prob, indices, grid)
+    index = build_splat_index(points_ego, grid, z_min_m, z_max_m)
+    return pool(context, depth_prob, index, grid)
 
 
 class SplatCache:
     """Keeps the indices of the calibrations used last: an unchanged calibration costs nothing.
 
     Calibration changes between scenes, augmentation changes it at every sample: the key is the
-    calibration itself, and the memory is bounded.
+    calibration itself, and the memory is bounded. For calibrations on the host: from a GPU's memory
+    the key would have to be fetched, which takes longer than the GPU needs for another index.
 
     Attributes:
         hits: Look-ups answered.
@@ -237,21 +233,15 @@ class SplatCache:
         self._num_bytes = 0
 
     @staticmethod
-    def keys(
+    def key(
         pixel_from_camera: Float[Tensor, "B N 3 3"],
         ego_from_camera: Float[Tensor, "B N 4 4"],
         camera_mask: Bool[Tensor, "B N"],
-    ) -> list[bytes]:
-        """One key per sample: the bytes of its calibration, its mask and the name of the device."""
-        device = str(pixel_from_camera.device).encode()
-        parts = [
-            t.detach().cpu().contiguous().numpy()
-            for t in (pixel_from_camera, ego_from_camera, camera_mask)
-        ]
-        return [
-            device + b"".join(part[b].tobytes() for part in parts)
-            for b in range(len(pixel_from_camera))
-        ]
+    ) -> bytes:
+        """What tells a batch from others: the bytes of its calibrations and masks."""
+        parts = (pixel_from_camera, ego_from_camera, camera_mask)
+        shape = str(tuple(camera_mask.shape)).encode()
+        return shape + b"".join(part.detach().contiguous().numpy().tobytes() for part in parts)
 
     def get(self, key: bytes) -> SplatIndex | None:
         """The index kept under a key, or None."""

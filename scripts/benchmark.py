@@ -1,24 +1,31 @@
 """Times what users get against straightforward code, in turn, and says whether all ratios hold.
 
     python scripts/benchmark.py [--rows splat plan step loader index fit] [--growth]
+    python scripts/benchmark.py --device cuda [--rows splat plan step]
 
-Exit status 0 only if every ratio and every check holds. Results of an earlier call in the same
-folder (worlds, runs, tables) are used again.
+Exit status 0 only if every ratio and every check holds, 2 if there is no such device. Results of an
+earlier call in the same folder (worlds, runs, tables) are used again.
 """
 
 import json
 import logging
 import sys
 import time
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
+from typing import Literal
 
+import torch
 import tyro
+from benchmarks import gpu
 from benchmarks.growth import LARGEST_EXPONENT, Growth, all_growth
 from benchmarks.growth_figure import draw_growth
 from benchmarks.machine import Machine, measure
 from benchmarks.rows import ROWS, Row, Setting
 
+from lss_core.errors import DataError
 from lss_core.files import write_atomically
 
 
@@ -28,6 +35,7 @@ class BenchmarkConfig:
 
     Attributes:
         rows: Groups of rows.
+        device: `cuda`: the table of a GPU instead, of those groups that have one.
         folder: Where worlds, runs and tables for it are made.
         repeats: How often each pair is timed.
         images: Data root with 1600 x 900 images to load; a synthetic scene's if not given.
@@ -38,6 +46,7 @@ class BenchmarkConfig:
     """
 
     rows: tuple[str, ...] = tuple(ROWS)
+    device: Literal["cpu", "cuda"] = "cpu"
     folder: Path = Path("runs/benchmark")
     repeats: int = 7
     images: Path | None = None
@@ -48,17 +57,17 @@ class BenchmarkConfig:
 
 
 def benchmark(config: BenchmarkConfig) -> bool:
-    """Run the rows, print the table, write the JSON; True if everything holds."""
+    """Run the rows, print the table, write the JSON; True if everything holds.
+
+    Raises:
+        DataError: If there is no GPU, and one was asked for.
+    """
+    if config.device == "cuda":
+        return benchmark_gpu(config)
     config.folder.mkdir(parents=True, exist_ok=True)
     machine = measure()
     setting = Setting(config.folder, machine, config.repeats, config.images, config.images_version)
-    rows: list[Row] = []
-    for name in config.rows:
-        started = time.monotonic()
-        for row in ROWS[name](setting):
-            rows.append(row)
-            print(f"{row.name}: {row.pair.ratio.median:.1f} times", file=sys.stderr)
-        print(f"{name}: {time.monotonic() - started:.0f} s", file=sys.stderr)
+    rows = run_rows({name: partial(ROWS[name], setting) for name in config.rows})
     growths = list(all_growth(config.folder)) if config.growth else []
     if growths:
         draw_growth(growths, config.growth_figure or config.folder / "growth.png")
@@ -77,6 +86,37 @@ def benchmark(config: BenchmarkConfig) -> bool:
     with write_atomically(config.out or config.folder / "benchmark.json") as stream:
         stream.write((json.dumps(found, indent=1) + "\n").encode())
     return all(row.holds for row in rows) and all(growth.holds for growth in growths)
+
+
+def benchmark_gpu(config: BenchmarkConfig) -> bool:
+    """The same on a GPU.
+
+    Raises:
+        DataError: If there is none.
+    """
+    if not torch.cuda.is_available():
+        raise DataError("Torch finds no CUDA GPU here; leave out --device cuda to time the CPU.")
+    config.folder.mkdir(parents=True, exist_ok=True)
+    groups = gpu.gpu_rows(gpu.Work("cuda", repeats=config.repeats))
+    rows = run_rows({name: groups[name] for name in config.rows if name in groups})
+    print(gpu.card())
+    print(format_table(rows))
+    found = {"card": gpu.card(), "rows": [asdict(row) | {"holds": row.holds} for row in rows]}
+    with write_atomically(config.out or config.folder / "benchmark-cuda.json") as stream:
+        stream.write((json.dumps(found, indent=1) + "\n").encode())
+    return all(row.holds for row in rows)
+
+
+def run_rows(groups: dict[str, Callable[[], Iterator[Row]]]) -> list[Row]:
+    """Their rows, one after the other; how they went, on standard error."""
+    rows: list[Row] = []
+    for name, group in groups.items():
+        started = time.monotonic()
+        for row in group():
+            rows.append(row)
+            print(f"{row.name}: {row.pair.ratio.median:.1f} times", file=sys.stderr)
+        print(f"{name}: {time.monotonic() - started:.0f} s", file=sys.stderr)
+    return rows
 
 
 def format_machine(machine: Machine) -> str:
@@ -137,4 +177,8 @@ def _time(median: float, low: float, high: float) -> str:
 
 if __name__ == "__main__":
     logging.basicConfig(level=logging.WARNING)
-    sys.exit(0 if benchmark(tyro.cli(BenchmarkConfig, description=__doc__)) else 1)
+    try:
+        sys.exit(0 if benchmark(tyro.cli(BenchmarkConfig, description=__doc__)) else 1)
+    except DataError as error:
+        print(error, file=sys.stderr)
+        sys.exit(2)

@@ -140,10 +140,10 @@ def _ask(
         "lidar": tell_depth(depth_prob[0], true_m, depths_m),
         "flat": torch.full_like(depth_prob[0], 1.0 / len(depths_m)),
     }
-    indices = model.splat_indices(pixel_from_camera, poses, mask)
+    index = model.splat_index(pixel_from_camera, poses, mask)
     answers = {}
     for name, prob in kinds.items():
-        bev = pool(context, prob[None], indices, model.config.grid)
+        bev = pool(context, prob[None], index, model.config.grid)
         scores = run.module.planner(model.bev_encoder(bev)[:, 0])
         answers[name] = scores.log_softmax(dim=-1)[0].float().cpu().numpy()
     mean_m = torch.einsum("ndhw,d->nhw", depth_prob[0], depth_prob.new_tensor(depths_m))

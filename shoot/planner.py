@@ -83,7 +83,7 @@ def prepare_reads(
     if interpolation == "nearest":
         # Round half up, so that a point on an edge reads the cell that owns the edge.
         corners = (place + 0.5).floor().clamp(max=upper)[..., None, :]
-        share = torch.ones(corners.shape[:-1], dtype=place.dtype)
+        share = torch.ones_like(corners[..., 0])
     else:
         low = place.floor().clamp(max=(upper - 1).clamp(min=0))
         steps = place.new_tensor([[0, 0], [0, 1], [1, 0], [1, 1]])
@@ -93,9 +93,11 @@ def prepare_reads(
     if off_grid != "border":
         share = share * inside[..., None]
     cells = (corners[..., 0] * num_y + corners[..., 1]).long()
-    outside = (~inside).sum(dim=-1) if off_grid == "learned" else torch.zeros(len(points))
+    outside = (~inside).sum(dim=-1).float()
     return TemplateReads(
-        cell_idx=cells.flatten(1), weight=share.flatten(1).float(), num_outside=outside.float()
+        cell_idx=cells.flatten(1),
+        weight=share.flatten(1).float(),
+        num_outside=outside if off_grid == "learned" else torch.zeros_like(outside),
     )
 
 
@@ -129,7 +131,8 @@ def score_templates(
     Paper: section 3.3, Eq. 2. Deviation: waypoints outside the map, see docs/deviations.md.
 
     Args:
-        cost_map: Dimensionless cost per cell; X runs forward, Y left, in `ego`.
+        cost_map: Dimensionless cost per cell; X runs forward, Y left, in `ego`. The other arguments
+            may lie on other devices than it does.
         templates: Waypoints in metres in `ego`, evenly spaced in time.
         grid: Extent and cell size of `cost_map`.
         interpolation: `bilinear` between cell centres or the `nearest` cell.
@@ -138,7 +141,7 @@ def score_templates(
         off_grid_cost: Cost of one waypoint outside under the rule `learned`.
 
     Returns:
-        Unnormalised scores, differentiable in `cost_map` and `off_grid_cost`.
+        Unnormalised scores where `cost_map` lies, differentiable in it and in `off_grid_cost`.
 
     Raises:
         ValueError: If `cost_map` has other cell counts than `grid`.
@@ -147,7 +150,9 @@ def score_templates(
         raise ValueError(
             f"The cost map is {tuple(cost_map.shape[1:])} cells, its grid {grid.shape}."
         )
-    reads = prepare_reads(templates, grid, interpolation, off_grid)
+    reads = prepare_reads(templates.to(cost_map.device), grid, interpolation, off_grid)
+    if isinstance(off_grid_cost, Tensor):
+        off_grid_cost = off_grid_cost.to(cost_map.device)
     return score_reads(cost_map, reads, off_grid_cost)
 
 

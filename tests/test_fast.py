@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from host_waits import NoHostWaits
 from world_fixture import TinyRun, command
 
 from lss_core.batch import Batch
@@ -60,6 +61,27 @@ def test_a_masked_camera_plays_no_part(
         expected = trained.module(masked)
     scores = FastPlanner(trained.module, compiled=False)(masked)
     torch.testing.assert_close(scores, expected, rtol=1e-4, atol=1e-4)
+
+
+def test_from_images_to_scores_no_host_would_wait_for_a_gpu(
+    trained: TrainedRun, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else it could not be recorded as a CUDA graph; and the recording holds any calibration."""
+    _in_float32(monkeypatch)
+    sensors = _sensors(trained)
+    with torch.no_grad():
+        expected = trained.module(sensors)
+    planner = FastPlanner(trained.module, compiled=False)
+    for b in range(3):
+        one = slice(b, b + 1)
+        with NoHostWaits(), torch.no_grad():
+            scores = planner._scores_of_images(
+                sensors.images[b],
+                sensors.pixel_from_camera[one],
+                sensors.ego_from_camera[one],
+                sensors.camera_mask[one],
+            )
+        torch.testing.assert_close(scores, expected[one], rtol=1e-4, atol=1e-4)
 
 
 @pytest.mark.slow

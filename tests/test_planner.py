@@ -1,8 +1,10 @@
 import math
+from contextlib import nullcontext
 
 import pytest
 import torch
 import torch.nn.functional as F
+from host_waits import NoMixedDevices
 from hypothesis import given
 from hypothesis import strategies as st
 from torch import Tensor
@@ -313,3 +315,22 @@ def test_templates_that_read_nothing_have_a_window_all_the_same() -> None:
     window = planner.reads.window(WIDE)
     scores = planner.score(torch.ones(1, *window.shape), planner.reads.within(window, WIDE))
     torch.testing.assert_close(scores, planner(torch.ones(1, *WIDE.shape)))
+
+
+@pytest.mark.parametrize("place", ["cpu", "meta"])
+@pytest.mark.parametrize("off_grid", ["learned", "border", "zero"])
+@pytest.mark.parametrize("interpolation", ["bilinear", "nearest"])
+def test_scores_lie_where_the_map_does_wherever_the_templates_lie(
+    interpolation: Interpolation, off_grid: OffGrid, place: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # The device without values stands for a GPU: it, too, takes no tensors of the CPU.
+    monkeypatch.setattr(torch, "autocast", lambda *_, **__: nullcontext())  # it has none
+    cost = random_map(WIDE).to("meta").requires_grad_()
+    templates = random_templates(WIDE, beyond_m=8.0).to(place)
+    price = torch.tensor(7.0, device=place)
+    with NoMixedDevices():
+        scores = score_templates(cost, templates, WIDE, interpolation, off_grid, price)
+        scores.sum().backward()
+    assert scores.device.type == "meta"
+    assert scores.shape == (2, 9)
+    assert cost.grad is not None

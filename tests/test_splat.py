@@ -122,7 +122,8 @@ def test_a_batch_is_its_samples_one_by_one() -> None:
 def test_a_masked_camera_is_one_that_is_not_there() -> None:
     context, depth_prob, points = _inputs(1, 3, dtype=torch.float32)
     mask = torch.tensor([True, False, True])
-    masked = pool(context, depth_prob, [build_splat_index(points[0], GRID, camera_mask=mask)], GRID)
+    index = build_splat_index(points, GRID, camera_mask=mask[None])
+    masked = pool(context, depth_prob, index, GRID)
     absent = lift_splat(context[:, mask], depth_prob[:, mask], points[:, mask], GRID)
     assert torch.equal(masked, absent)
 
@@ -154,15 +155,47 @@ def test_nothing_of_the_size_of_the_lifted_features_is_built() -> None:
 
 
 def test_points_of_a_cell_keep_their_order() -> None:
-    points = torch.zeros(2, 2, 1, 3, 3)  # 2 cameras, 2 depths, 1 x 3 pixels, all in one cell
+    points = torch.zeros(1, 2, 2, 1, 3, 3)  # 2 cameras, 2 depths, 1 x 3 pixels, all in one cell
+    points[0, 0, 0, 0, 1] = 1000.0  # but for one
     index = build_splat_index(points, GRID)
-    assert index.point_idx.tolist() == list(range(12))
+    order = index.point_idx.tolist()
+    assert order == [0, 1, 3, 4, 5, 6, 7, 8, 9, 10, 11, 2]
     cell = 6 * 8 + 4
-    assert index.cell_starts.tolist() == [0] * (cell + 1) + [12] * (16 * 8 - cell - 1)
+    starts = index.bag_starts.tolist()
+    assert starts[: 16 * 8] == [0] * (cell + 1) + [11] * (16 * 8 - cell - 1)
+    assert starts[16 * 8 :] == [11]  # what lies outside has a bag of its own
+
+
+def test_what_lies_outside_is_cut_into_short_bags() -> None:
+    points = torch.zeros(2, 1, 1, 1, 300, 3)
+    points[..., 100:, 0] = 1000.0
+    starts = build_splat_index(points, GRID).bag_starts[2 * 16 * 8 :]
+    lengths = torch.cat([starts, torch.tensor([600])]).diff()
+    assert int(starts[0]) == 200
+    assert int(lengths.sum()) == 400
+    assert int(lengths.max()) <= 64
+
+
+def test_no_size_of_an_index_depends_on_where_points_lie() -> None:
+    points = _inputs(2, 3)[2]
+    shapes = [
+        [t.shape for t in (index.cell_of, index.point_idx, index.bag_starts)]
+        for index in (build_splat_index(p, GRID) for p in (points, points + 1.0, points + 1000.0))
+    ]
+    assert shapes[0] == shapes[1] == shapes[2]
+
+
+def test_what_lies_outside_does_not_spoil_a_cell() -> None:
+    context, depth_prob, points = _inputs(2, 2, dtype=torch.float32)
+    points[1] = 1000.0
+    spoilt = torch.full_like(context, float("nan"))
+    spoilt = torch.cat([context[:1], spoilt[1:]])
+    result = lift_splat(spoilt, depth_prob, points, GRID)
+    assert torch.equal(result, lift_splat(context, depth_prob, points, GRID))
 
 
 def _index(num_points: int) -> SplatIndex:
-    points = torch.zeros(1, 1, 1, num_points, 3)
+    points = torch.zeros(1, 1, 1, 1, num_points, 3)
     return build_splat_index(points, GRID)
 
 
@@ -191,14 +224,18 @@ def test_cache_is_bounded_in_bytes() -> None:
 
 
 def test_cache_keys_tell_calibrations_poses_and_masks_apart() -> None:
-    intrinsics, poses = torch.eye(3).repeat(4, 2, 1, 1), torch.eye(4).repeat(4, 2, 1, 1)
-    mask = torch.ones(4, 2, dtype=torch.bool)
-    intrinsics[1, 1, 0, 2] = 1e-6
-    poses[2, 0, 0, 3] = 1e-6
-    mask[3, 1] = False
-    assert len(set(SplatCache.keys(intrinsics, poses, mask))) == 4
+    intrinsics, poses = torch.eye(3).repeat(4, 1, 2, 1, 1), torch.eye(4).repeat(4, 1, 2, 1, 1)
+    mask = torch.ones(4, 1, 2, dtype=torch.bool)
+    intrinsics[1, 0, 1, 0, 2] = 1e-6
+    poses[2, 0, 0, 0, 3] = 1e-6
+    mask[3, 0, 1] = False
+
+    def num_keys() -> int:
+        return len(set(map(SplatCache.key, intrinsics, poses, mask)))
+
+    assert num_keys() == 4
     intrinsics[1] = intrinsics[0]
-    assert len(set(SplatCache.keys(intrinsics, poses, mask))) == 3
+    assert num_keys() == 3
 
 
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda c: pickle.loads(pickle.dumps(c))])

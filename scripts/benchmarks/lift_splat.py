@@ -41,15 +41,8 @@ def _points() -> Tensor:
     return frustum_points(paper_size.IMAGE_HW, _STRIDE, depths_m, *paper_size.rig(NUM_SAMPLES))
 
 
-def _indices() -> list[SplatIndex]:
-    depths_m = paper_size.MODEL.depth.depths_m
-    return [
-        build_splat_index(
-            frustum_points(paper_size.IMAGE_HW, _STRIDE, depths_m, *(t[None] for t in sample))[0],
-            _GRID,
-        )
-        for sample in zip(*paper_size.rig(NUM_SAMPLES), strict=True)
-    ]
+def _index() -> SplatIndex:
+    return build_splat_index(_points(), _GRID)
 
 
 def _plain_map(context: Tensor, depth_prob: Tensor) -> Tensor:
@@ -76,14 +69,14 @@ def plain_training() -> Callable[[], Any]:
 def fast_training_new() -> Callable[[], Any]:
     """Forward and backward by an embedding bag whose index is built anew at each call."""
     keep_freed_memory()
-    return _there_and_back(lambda context, prob: pool(context, prob, _indices(), _GRID))
+    return _there_and_back(lambda context, prob: pool(context, prob, _index(), _GRID))
 
 
 def fast_training_static() -> Callable[[], Any]:
     """Forward and backward by an embedding bag whose calibration has been seen before."""
     keep_freed_memory()
-    indices = _indices()
-    return _there_and_back(lambda context, prob: pool(context, prob, indices, _GRID))
+    index = _index()
+    return _there_and_back(lambda context, prob: pool(context, prob, index, _GRID))
 
 
 def plain_forward() -> Callable[[], Any]:
@@ -96,5 +89,5 @@ def fast_forward_static() -> Callable[[], Any]:
     """Forward by an embedding bag whose calibration has been seen before."""
     keep_freed_memory()
     context, depth_prob = features()
-    indices = _indices()
-    return torch.no_grad()(lambda: pool(context, depth_prob, indices, _GRID))
+    index = _index()
+    return torch.no_grad()(lambda: pool(context, depth_prob, index, _GRID))

@@ -78,13 +78,12 @@ def first_plan(compiler_cache: Path) -> None:
     fast_plan()()
 
 
-def _trained_step(
-    module: PlanningModule, scores: Callable[[Batch], Tensor]
+def trained_step(
+    module: PlanningModule, scores: Callable[[Batch], Tensor], sensors: Batch
 ) -> Callable[[], Tensor]:
     """A step of Adam on a batch, as training does it."""
     module.train()
-    sensors = paper_size.batch(BATCH_SIZE)
-    labels = torch.arange(BATCH_SIZE)
+    labels = torch.arange(len(sensors.sample_idx), device=module.device)
     optimizer: Any = torch.optim.Adam(module.parameters(), lr=1e-3, weight_decay=1e-7)
 
     def step() -> Tensor:
@@ -101,7 +100,8 @@ def _trained_step(
 def plain_step() -> Callable[[], Tensor]:
     """A training step the straightforward way, float32."""
     module = new_module()
-    return _trained_step(module, lambda sensors: plain_scores(module, sensors))
+    sensors = paper_size.batch(BATCH_SIZE)
+    return trained_step(module, lambda sensors: plain_scores(module, sensors), sensors)
 
 
 def fast_step() -> Callable[[], Tensor]:
@@ -116,7 +116,7 @@ def fast_step() -> Callable[[], Tensor]:
             result: Tensor = module(sensors)
         return result
 
-    return _trained_step(module, scores)
+    return trained_step(module, scores, paper_size.batch(BATCH_SIZE))
 
 
 def plan_flop() -> int:
