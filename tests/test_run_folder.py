@@ -26,7 +26,7 @@ def run(tmp_path: Path) -> RunFolder:
 
 @pytest.fixture
 def config(run: RunFolder) -> TrainConfig:
-    return replace(DEMO, out=str(run.folder))
+    return replace(DEMO, out=str(run.folder), data=replace(DEMO.data, root="/data/nuscenes"))
 
 
 def begin_and_save(run: RunFolder, config: TrainConfig) -> None:
