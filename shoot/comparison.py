@@ -24,7 +24,7 @@ from shoot.datamodule import LabelledSplit, load_split
 from shoot.driving_checks import DrivingChecks
 from shoot.evaluation import MODEL, Report, condition_of, evaluate
 from shoot.known_speed import tell_speed
-from shoot.metrics import negative_log_likelihood, ranks
+from shoot.metrics import negative_log_likelihood, rank_labels
 from shoot.planner import Planner
 from shoot.prediction import TrainedRun, predict
 from shoot.templates import TemplateSet
@@ -98,7 +98,7 @@ def sum_up(run: TrainedRun, scored: Scored, split: str) -> Report:
 
 
 def _by_scene(samples: LabelledSplit, log_prob: Array) -> dict[str, dict[str, float | int]]:
-    hit = 100.0 * (ranks(log_prob, samples.labels) < 10)
+    hit = 100.0 * rank_labels(log_prob, samples.labels).hits(10)
     nll = negative_log_likelihood(log_prob, samples.labels)
     found: dict[str, dict[str, float | int]] = {}
     for name in np.unique(samples.scene_names):

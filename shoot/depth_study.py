@@ -29,7 +29,7 @@ from lss_core.progress import progress
 from lss_core.splat import pool
 from shoot.bootstrap import Interval, SceneBootstrap
 from shoot.datamodule import LabelledSplit
-from shoot.metrics import negative_log_likelihood, ranks
+from shoot.metrics import negative_log_likelihood, rank_labels
 from shoot.prediction import TrainedRun, batches
 
 Array = npt.NDArray[Any]
@@ -159,7 +159,7 @@ def _summary(
     seen: Float[Array, " S"],
 ) -> DepthStudy:
     bootstrap = SceneBootstrap(scene)
-    top10 = {name: 100.0 * (ranks(rows, labels) < 10) for name, rows in log_probs.items()}
+    top10 = {name: 100.0 * rank_labels(rows, labels).hits(10) for name, rows in log_probs.items()}
     nll = {name: negative_log_likelihood(rows, labels) for name, rows in log_probs.items()}
     names = [f"{low_m:g}-{high_m:g} m" for low_m, high_m in RANGES_M]
     error_m, bias_m = (

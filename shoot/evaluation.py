@@ -225,7 +225,7 @@ def _summarise(
 ) -> Results:
     """Means with intervals; all from the same draws of scenes."""
     bootstrap = SceneBootstrap(scene_idx)
-    terms = {name: calibration_terms(it.confidence, it.is_hit) for name, it in scores.items()}
+    terms = {name: calibration_terms(it.confidence, it.hit) for name, it in scores.items()}
     baselines = [name for name in scores if MODEL in scores and name != MODEL]
     return Results(
         num_samples=len(scene_idx),
@@ -246,7 +246,7 @@ def _summarise(
         oracle=_intervals(bootstrap, nearest),
         driver=_intervals(bootstrap, driven),
         reliability={
-            name: measure_reliability(it.confidence, it.is_hit) for name, it in scores.items()
+            name: measure_reliability(it.confidence, it.hit) for name, it in scores.items()
         },
     )
 

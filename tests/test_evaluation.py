@@ -8,7 +8,7 @@ from shoot.bootstrap import interval, paired_interval
 from shoot.calibration import measure_reliability
 from shoot.comfort import measure_comfort
 from shoot.evaluation import condition_of, evaluate
-from shoot.metrics import TOP_KS, negative_log_likelihood, ranks
+from shoot.metrics import TOP_KS, negative_log_likelihood, rank_labels
 from shoot.report_table import format_table
 
 COMFORT = ["lon_accel_mps2", "lat_accel_mps2", "jerk_mps3", "comfort"]
@@ -120,7 +120,7 @@ def test_by_hand():
     assert np.isnan([model["l2_at_1s"], model["l2_upto_3s"], model["comfort"]]).all()
     assert report.differences["prior"]["nll"].value == pytest.approx(0.5 * np.log(4 / 3))
     assert report.differences["prior"]["ece"].value == pytest.approx(25.0)
-    assert report.differences["prior"]["top1"].value == 0.0  # the prior's tie goes to template 0
+    assert report.differences["prior"]["top1"].value == 0.0  # the prior's tie is shared: 1 / 2 each
     assert report.oracle["ade"].value == pytest.approx(1.5)
     # Two scenes: both, one of them twice, or the other twice.
     assert (report.methods["model"]["top1"].low, report.methods["model"]["top1"].high) == (0, 100)
@@ -130,7 +130,7 @@ def test_numbers_are_those_of_metrics_and_bootstrap(case, report):
     labels, scene = case["labels"], case["scene_idx"]
     model = case["log_probs"]["model"]
     prior = np.tile(case["log_probs"]["prior"], (240, 1))
-    hits = [100.0 * (ranks(log_prob, labels) < 10) for log_prob in (model, prior)]
+    hits = [100.0 * rank_labels(log_prob, labels).hits(10) for log_prob in (model, prior)]
     assert report.overall.methods["model"]["top10"] == interval(hits[0], scene)
     assert report.overall.differences["prior"]["top10"] == paired_interval(*hits, scene)
     nll = negative_log_likelihood(prior, labels)
@@ -139,9 +139,17 @@ def test_numbers_are_those_of_metrics_and_bootstrap(case, report):
     assert (found.value, found.low, found.high) == pytest.approx(
         (expected.value, expected.low, expected.high)
     )
-    bins = measure_reliability(np.exp(model).max(axis=1), ranks(model, labels) == 0)
+    bins = measure_reliability(np.exp(model).max(axis=1), rank_labels(model, labels).hits(1))
     np.testing.assert_allclose(report.overall.reliability["model"].accuracy, bins.accuracy)
     np.testing.assert_allclose(report.overall.reliability["model"].confidence, bins.confidence)
+
+
+def test_who_says_nothing_hits_by_chance_and_is_calibrated(case):
+    found = evaluate(**case | {"log_probs": {"model": np.full(30, -np.log(30.0))}}).overall
+    for k in TOP_KS:
+        assert found.methods["model"][f"top{k}"].value == pytest.approx(100.0 * k / 30)
+    assert found.methods["model"]["ece"].value == pytest.approx(0.0, abs=1e-5)
+    assert found.reliability["model"].accuracy.tolist() == pytest.approx([1 / 30])
 
 
 def test_the_chosen_template_is_the_one_that_is_judged(case, checked):
