@@ -87,6 +87,7 @@ def sum_up(run: TrainedRun, scored: Scored, split: str) -> Report:
         split,
         np.where(_is_known(samples.futures), _speed_mps(samples.futures), np.nan),
         checks,
+        samples.logs,
     )
     return replace(
         report,
@@ -97,17 +98,17 @@ def sum_up(run: TrainedRun, scored: Scored, split: str) -> Report:
     )
 
 
-def _by_scene(samples: LabelledSplit, log_prob: Array) -> dict[str, dict[str, float | int]]:
+def _by_scene(samples: LabelledSplit, log_prob: Array) -> dict[str, dict[str, float | int | str]]:
     hit = 100.0 * rank_labels(log_prob, samples.labels).hits(10)
     nll = negative_log_likelihood(log_prob, samples.labels)
-    found: dict[str, dict[str, float | int]] = {}
+    logs, found = samples.logs, dict[str, dict[str, float | int | str]]()
     for name in np.unique(samples.scene_names):
         own = samples.scene_names == name
         found[str(name)] = {
             "num_samples": int(own.sum()),
             "top10": float(hit[own].mean()),
             "nll": float(nll[own].mean()),
-        }
+        } | ({} if logs is None else {"log": str(logs[own][0])})
     return found
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from shoot.bootstrap import SceneBootstrap
+from shoot.bootstrap import GroupBootstrap
 from shoot.calibration import (
     brier_score,
     calibration_error,
@@ -12,7 +12,9 @@ from shoot.calibration import (
 
 
 def _error(confidence, hit, num_bins=10):
-    sums = calibration_terms(confidence, np.asarray(hit, dtype=float), num_bins).sum(axis=0, keepdims=True)
+    sums = calibration_terms(confidence, np.asarray(hit, dtype=float), num_bins).sum(
+        axis=0, keepdims=True
+    )
     return float(calibration_error(sums)[0])
 
 
@@ -129,7 +131,7 @@ class TestCalibrationError:
         scene = np.repeat(np.arange(15), 20)
         confidence = generator.random(300)
         hit = (generator.random(300) < 0.3 + 0.3 * confidence).astype(float)
-        bootstrap = SceneBootstrap(scene, num_draws=3000)
+        bootstrap = GroupBootstrap(scene, num_draws=3000)
         found = bootstrap.statistic(calibration_terms(confidence, hit), calibration_error)
         bins, gap = equal_mass_bins(confidence), hit - confidence
         errors = []

@@ -8,6 +8,7 @@ from shoot.bootstrap import interval, paired_interval
 from shoot.calibration import measure_reliability
 from shoot.comfort import measure_comfort
 from shoot.evaluation import condition_of, evaluate
+from shoot.html_report import PageDetails, render_page
 from shoot.metrics import TOP_KS, negative_log_likelihood, rank_labels
 from shoot.report_table import format_table
 
@@ -251,6 +252,7 @@ def test_report_json_has_the_agreed_form(report, tmp_path):
     assert set(loaded["by_manoeuvre"]["standing"]) == {
         "num_samples",
         "num_scenes",
+        "num_groups",
         "methods",
         "differences",
         "oracle",
@@ -258,6 +260,52 @@ def test_report_json_has_the_agreed_form(report, tmp_path):
         "reliability",
     }
     assert [entry.name for entry in path.parent.iterdir()] == ["report.json"]
+
+
+class TestLogs:
+    """12 scenes of 4 logs, the last of which has only one of them."""
+
+    logs = np.repeat(["a", "a", "a", "a", "a", "b", "b", "b", "c", "c", "c", "d"], 20)
+
+    @pytest.fixture(scope="class")
+    def by_log(self, case):
+        return evaluate(**case, logs=self.logs)
+
+    def test_are_drawn_whole_and_means_stay(self, case, report, by_log):
+        labels = case["labels"]
+        hits = 100.0 * rank_labels(case["log_probs"]["model"], labels).hits(10)
+        prior = np.tile(case["log_probs"]["prior"], (240, 1))
+        prior_hits = 100.0 * rank_labels(prior, labels).hits(10)
+        found = by_log.overall
+        assert found.methods["model"]["top10"] == interval(hits, self.logs)
+        assert found.methods["model"]["top10"] != report.overall.methods["model"]["top10"]
+        assert found.differences["prior"]["top10"] == paired_interval(hits, prior_hits, self.logs)
+        for name, metric in report.overall.methods["model"].items():
+            assert found.methods["model"][name].value == pytest.approx(metric.value)
+
+    def test_are_counted_and_named(self, report, by_log):
+        loaded = by_log.to_json()
+        assert (loaded["resampled"], loaded["num_scenes"], loaded["num_groups"]) == ("logs", 12, 4)
+        assert loaded["by_condition"]["rain"]["num_groups"] == 2
+        loaded = report.to_json()
+        assert (loaded["resampled"], loaded["num_groups"]) == ("scenes", 12)
+
+    def test_are_named_in_the_table_and_on_the_page(self, report, by_log):
+        titles = [" ".join(format_table(found).split()) for found in (by_log, report)]
+        assert "240 samples of 12 scenes (95 % intervals over 4 logs)" in titles[0]
+        assert "240 samples of 12 scenes (95 % intervals over scenes)" in titles[1]
+        details = PageDetails("run", "last", "data", "now", 30)
+        pages = [render_page(found, {}, details) for found in (by_log, report)]
+        assert "240 of 12 scenes of 4 logs" in pages[0]
+        assert "95 % intervals over 4 logs: whole logs are drawn again" in pages[0]
+        assert "logs" not in pages[1]
+        assert "95 % intervals over scenes: whole scenes are drawn again" in pages[1]
+
+    def test_one_alone_has_no_interval_though_it_has_scenes(self, case):
+        found = evaluate(**case, logs=np.full(240, "a"))
+        assert np.isnan(found.overall.methods["model"]["top10"].low)
+        page = render_page(found, {}, PageDetails("run", "last", "data", "now", 30))
+        assert "one log only" in page
 
 
 def test_one_scene_is_valid_json_without_bounds(case, tmp_path):
