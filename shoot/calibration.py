@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 Array = np.ndarray[Any, np.dtype[Any]]
 
@@ -78,13 +78,13 @@ def equal_mass_bins(confidence: Float[Array, " S"], num_bins: int = NUM_BINS) ->
 
 
 def measure_reliability(
-    confidence: Float[Array, " S"], is_hit: Bool[Array, " S"], num_bins: int = NUM_BINS
+    confidence: Float[Array, " S"], hit: Float[Array, " S"], num_bins: int = NUM_BINS
 ) -> Reliability:
     """Confidence beside accuracy, in bins of equal mass.
 
     Args:
         confidence: Probability of the top template of each sample.
-        is_hit: Whether that template is the label.
+        hit: 1 where that template is the label, else 0; a share where several are as probable.
         num_bins: Number of bins; fewer where confidences are equal or samples few, see
             `equal_mass_bins`.
     """
@@ -92,13 +92,13 @@ def measure_reliability(
     count = np.bincount(bins)
     return Reliability(
         confidence=np.bincount(bins, weights=confidence) / count,
-        accuracy=np.bincount(bins, weights=is_hit) / count,
+        accuracy=np.bincount(bins, weights=hit) / count,
         count=count,
     )
 
 
 def calibration_terms(
-    confidence: Float[Array, " S"], is_hit: Bool[Array, " S"], num_bins: int = NUM_BINS
+    confidence: Float[Array, " S"], hit: Float[Array, " S"], num_bins: int = NUM_BINS
 ) -> Float[Array, "S J"]:
     """What `calibration_error` needs of each sample; sum it over the samples.
 
@@ -106,7 +106,7 @@ def calibration_terms(
 
     Args:
         confidence: Probability of the top template of each sample.
-        is_hit: Whether that template is the label.
+        hit: 1 where that template is the label, else 0; a share where several are as probable.
         num_bins: Number of bins, see `equal_mass_bins`.
 
     Returns:
@@ -115,7 +115,7 @@ def calibration_terms(
     """
     bins = equal_mass_bins(confidence, num_bins)
     terms = np.zeros((len(bins), bins.max() + 2))
-    terms[np.arange(len(bins)), bins] = is_hit - confidence.astype(np.float64)
+    terms[np.arange(len(bins)), bins] = hit - confidence.astype(np.float64)
     terms[:, -1] = 1.0
     return terms
 

@@ -23,7 +23,7 @@ from shoot.datamodule import FITTED_ON, LabelledSplit, check_unseen, load_split
 from shoot.driving_checks import DrivingChecks
 from shoot.evaluation import MODEL, Report, condition_of, evaluate
 from shoot.known_speed import tell_speed
-from shoot.metrics import negative_log_likelihood, ranks
+from shoot.metrics import negative_log_likelihood, rank_labels
 from shoot.planner import Planner
 from shoot.prediction import TrainedRun, predict
 from shoot.templates import TemplateSet
@@ -82,6 +82,7 @@ def sum_up(run: TrainedRun, scored: Scored, split: str) -> Report:
         split,
         np.where(_is_known(samples.futures), _speed_mps(samples.futures), np.nan),
         checks,
+        samples.logs,
     )
     return replace(
         report,
@@ -92,17 +93,17 @@ def sum_up(run: TrainedRun, scored: Scored, split: str) -> Report:
     )
 
 
-def _by_scene(samples: LabelledSplit, log_prob: Array) -> dict[str, dict[str, float | int]]:
-    hit = 100.0 * (ranks(log_prob, samples.labels) < 10)
+def _by_scene(samples: LabelledSplit, log_prob: Array) -> dict[str, dict[str, float | int | str]]:
+    hit = 100.0 * rank_labels(log_prob, samples.labels).hits(10)
     nll = negative_log_likelihood(log_prob, samples.labels)
-    found: dict[str, dict[str, float | int]] = {}
+    logs, found = samples.logs, dict[str, dict[str, float | int | str]]()
     for name in np.unique(samples.scene_names):
         own = samples.scene_names == name
         found[str(name)] = {
             "num_samples": int(own.sum()),
             "top10": float(hit[own].mean()),
             "nll": float(nll[own].mean()),
-        }
+        } | ({} if logs is None else {"log": str(logs[own][0])})
     return found
 
 

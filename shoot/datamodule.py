@@ -113,6 +113,14 @@ class LabelledSplit:
         tokens: NDArray[np.character] = self.index.scene_token[self.futures.scene]
         return tokens
 
+    @property
+    def logs(self) -> NDArray[np.character] | None:
+        """[S] log of each sample's scene; None if no log of the data set holds several scenes."""
+        if len(np.unique(self.index.scene_log)) == len(self.index.scene_log):
+            return None
+        logs: NDArray[np.character] = self.index.scene_log[self.futures.scene]
+        return logs
+
 
 def load_split(
     data: DataConfig,

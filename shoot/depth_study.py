@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, Shaped
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
@@ -26,9 +26,9 @@ from lss_core.files import write_atomically
 from lss_core.model import CameraModel
 from lss_core.progress import progress
 from lss_core.splat import pool
-from shoot.bootstrap import Interval, SceneBootstrap
+from shoot.bootstrap import GroupBootstrap, Groups, Interval, name_groups
 from shoot.datamodule import LabelledSplit
-from shoot.metrics import negative_log_likelihood, ranks
+from shoot.metrics import negative_log_likelihood, rank_labels
 from shoot.prediction import TrainedRun, batches
 
 Array = np.ndarray[Any, np.dtype[Any]]
@@ -44,6 +44,7 @@ class DepthStudy:
 
     Attributes:
         num_samples, num_scenes: Asked about.
+        resampled, num_groups: What intervals are over.
         cells_seen: Share of feature cells in which the lidar sees something, per cent.
         error_m: Range of true depths -> distance from the network's mean depth to the lidar's.
         bias_m: The same with its sign; positive: the network sees it further away.
@@ -54,6 +55,8 @@ class DepthStudy:
 
     num_samples: int
     num_scenes: int
+    resampled: Groups
+    num_groups: int
     cells_seen: float
     error_m: dict[str, Interval]
     bias_m: dict[str, Interval]
@@ -94,6 +97,7 @@ def study_depth(run: TrainedRun, split: LabelledSplit, num_samples: int = 400) -
     count = min(num_samples, len(split.labels))
     positions = np.linspace(0, len(split.labels) - 1, count).round().astype(np.int64)
     labels, scene = split.labels[positions], split.futures.scene[positions]
+    logs = None if split.logs is None else split.logs[positions]
     log_probs: dict[str, list[Array]] = {name: [] for name in DEPTHS}
     errors, seen = np.full((2, count, len(RANGES_M)), np.nan), np.zeros(count)
     done = 0
@@ -111,7 +115,12 @@ def study_depth(run: TrainedRun, split: LabelledSplit, num_samples: int = 400) -
                 done += 1
                 advance(1)
     return _summary(
-        {name: np.stack(rows) for name, rows in log_probs.items()}, labels, scene, errors, seen
+        {name: np.stack(rows) for name, rows in log_probs.items()},
+        labels,
+        scene,
+        logs,
+        errors,
+        seen,
     )
 
 
@@ -154,11 +163,12 @@ def _summary(
     log_probs: dict[str, Float[Array, "S K"]],
     labels: Int[Array, " S"],
     scene: Int[Array, " S"],
+    logs: Shaped[Array, " S"] | None,
     errors: Float[Array, "2 S R"],
     seen: Float[Array, " S"],
 ) -> DepthStudy:
-    bootstrap = SceneBootstrap(scene)
-    top10 = {name: 100.0 * (ranks(rows, labels) < 10) for name, rows in log_probs.items()}
+    bootstrap = GroupBootstrap(scene if logs is None else logs)
+    top10 = {name: 100.0 * rank_labels(rows, labels).hits(10) for name, rows in log_probs.items()}
     nll = {name: negative_log_likelihood(rows, labels) for name, rows in log_probs.items()}
     names = [f"{low_m:g}-{high_m:g} m" for low_m, high_m in RANGES_M]
     error_m, bias_m = (
@@ -168,7 +178,9 @@ def _summary(
     others = [name for name in DEPTHS if name != "own"]
     return DepthStudy(
         num_samples=len(labels),
-        num_scenes=bootstrap.num_scenes,
+        num_scenes=len(np.unique(scene)),
+        resampled="scenes" if logs is None else "logs",
+        num_groups=bootstrap.num_groups,
         cells_seen=float(seen.mean()),
         error_m=error_m,
         bias_m=bias_m,
@@ -183,7 +195,8 @@ def format_depth_study(study: DepthStudy) -> str:
     """It as text for a terminal."""
     ranges = Table(
         title=f"{study.num_samples} samples of {study.num_scenes} scenes; the lidar sees "
-        f"{study.cells_seen:.0f} % of the feature cells (95 % intervals over scenes)",
+        f"{study.cells_seen:.0f} % of the feature cells (95 % intervals over "
+        f"{name_groups(study.resampled, study.num_groups)})",
         box=SIMPLE_HEAD,
     )
     for header in ("true depth", "error, m", "bias, m"):

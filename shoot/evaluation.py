@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float, Int, Shaped
 
 from lss_core.files import write_atomically
-from shoot.bootstrap import Interval, SceneBootstrap
+from shoot.bootstrap import GroupBootstrap, Groups, Interval
 from shoot.calibration import (
     Reliability,
     calibration_error,
@@ -53,6 +53,7 @@ class Results:
     Attributes:
         num_samples: Samples.
         num_scenes: Scenes they come from.
+        num_groups: What intervals are over: these scenes, or the logs they come from.
         methods: Method -> metric -> mean with interval.
         differences: Baseline -> metric -> model minus baseline, with paired interval; empty if
             there is no method called `model`.
@@ -65,6 +66,7 @@ class Results:
 
     num_samples: int
     num_scenes: int
+    num_groups: int
     methods: dict[str, dict[str, Interval]]
     differences: dict[str, dict[str, Interval]]
     oracle: dict[str, Interval]
@@ -72,10 +74,11 @@ class Results:
     reliability: dict[str, Reliability]
 
     def to_json(self) -> dict[str, Any]:
-        """Plain values; what does not exist (a bound with one scene only) is null."""
+        """Plain values; what does not exist (a bound with one group only) is null."""
         return {
             "num_samples": self.num_samples,
             "num_scenes": self.num_scenes,
+            "num_groups": self.num_groups,
             "methods": {name: _plain(metrics) for name, metrics in self.methods.items()},
             "differences": {name: _plain(metrics) for name, metrics in self.differences.items()},
             "oracle": _plain(self.oracle),
@@ -98,9 +101,11 @@ class Report:
         num_boxes_left_out: Annotated boxes that the driver's own path touches, and that no path
             is therefore checked against: pairs of sample and object.
         num_samples_with_boxes_left_out: Samples that have such.
-        by_scene: Scene -> `num_samples` and the model's mean `top10` (per cent) and `nll` (nats):
-            enough to compare two runs with paired intervals.
+        by_scene: Scene -> `num_samples` and the model's mean `top10` (per cent) and `nll` (nats),
+            and its `log` where these are resampled: enough to compare two runs with paired
+            intervals.
         num_bad_samples: Samples left out because they cannot be used.
+        resampled: What intervals are over.
     """
 
     split: str
@@ -110,13 +115,15 @@ class Report:
     by_speed: dict[str, Results]
     num_boxes_left_out: int = 0
     num_samples_with_boxes_left_out: int = 0
-    by_scene: dict[str, dict[str, float | int]] = field(default_factory=dict)
+    by_scene: dict[str, dict[str, float | int | str]] = field(default_factory=dict)
     num_bad_samples: int = 0
+    resampled: Groups = "scenes"
 
     def to_json(self) -> dict[str, Any]:
         """The form of report.json: plain dicts, lists, strings, numbers and null."""
         return {
             "split": self.split,
+            "resampled": self.resampled,
             **self.overall.to_json(),
             "num_boxes_left_out": self.num_boxes_left_out,
             "num_samples_with_boxes_left_out": self.num_samples_with_boxes_left_out,
@@ -159,6 +166,7 @@ def evaluate(
     split: str,
     speed_mps: Float[Array, " S"],
     path_checks: PathChecks | None = None,
+    logs: Shaped[Array, " S"] | None = None,
 ) -> Report:
     """Score every method on the same samples, beside each other and split up.
 
@@ -168,13 +176,14 @@ def evaluate(
         labels: Nearest template of each sample.
         futures: Driven paths in metres in `ego`, every 0.25 s.
         templates: Templates in metres in `ego`, at the same times.
-        scene_idx: Scene of each sample; intervals are over scenes.
+        scene_idx: Scene of each sample; intervals are over scenes, unless `logs` are given.
         conditions: Condition of each sample, see `condition_of`.
         split: Name of the split, for the report.
         speed_mps: Speed at each sample; NaN where it is not known.
         path_checks: From one path for each sample, in metres in `ego`, to `collision_1s`,
             `off_road_1s`, ... in per cent; asked about the chosen template of each method and about
             the driven path.
+        logs: Log of each sample, where logs hold several scenes; intervals are then over logs.
 
     Raises:
         ValueError: If there are no samples, shapes do not fit, a method's values are not
@@ -191,6 +200,7 @@ def evaluate(
     scorer = Scorer(labels, futures, templates, path_checks)
     scores = {name: scorer.score(name, log_prob) for name, log_prob in log_probs.items()}
     nearest, driven = scorer.score_nearest(), scorer.score_driven()
+    group = scene_idx if logs is None else logs
 
     def results(keep: Shaped[Array, " S"]) -> Results:
         return _summarise(
@@ -198,6 +208,7 @@ def evaluate(
             select_samples(nearest, keep),
             select_samples(driven, keep),
             scene_idx[keep],
+            group[keep],
         )
 
     def parts(names: Sequence[str], name_of: Shaped[Array, " S"]) -> dict[str, Results]:
@@ -213,6 +224,7 @@ def evaluate(
         by_manoeuvre=parts(MANOEUVRES, classify_manoeuvres(futures)),
         by_condition=parts(sorted(set(conditions)), np.array(conditions)),
         by_speed=parts(_SPEEDS, speed_names),
+        resampled="scenes" if logs is None else "logs",
     )
 
 
@@ -221,14 +233,16 @@ def _summarise(
     nearest: PerSample,
     driven: PerSample,
     scene_idx: Int[Array, " S"],
+    group: Shaped[Array, " S"],
 ) -> Results:
-    """Means with intervals; all from the same draws of scenes."""
-    bootstrap = SceneBootstrap(scene_idx)
-    terms = {name: calibration_terms(it.confidence, it.is_hit) for name, it in scores.items()}
+    """Means with intervals; all from the same draws of groups."""
+    bootstrap = GroupBootstrap(group)
+    terms = {name: calibration_terms(it.confidence, it.hit) for name, it in scores.items()}
     baselines = [name for name in scores if MODEL in scores and name != MODEL]
     return Results(
         num_samples=len(scene_idx),
-        num_scenes=bootstrap.num_scenes,
+        num_scenes=len(np.unique(scene_idx)),
+        num_groups=bootstrap.num_groups,
         methods={
             name: _intervals(bootstrap, it.metrics)
             | {"ece": bootstrap.statistic(terms[name], calibration_error)}
@@ -245,12 +259,12 @@ def _summarise(
         oracle=_intervals(bootstrap, nearest),
         driver=_intervals(bootstrap, driven),
         reliability={
-            name: measure_reliability(it.confidence, it.is_hit) for name, it in scores.items()
+            name: measure_reliability(it.confidence, it.hit) for name, it in scores.items()
         },
     )
 
 
-def _intervals(bootstrap: SceneBootstrap, metrics: PerSample) -> dict[str, Interval]:
+def _intervals(bootstrap: GroupBootstrap, metrics: PerSample) -> dict[str, Interval]:
     if not metrics:
         return {}
     found = bootstrap.intervals(np.stack(list(metrics.values()), axis=1).astype(np.float64))
@@ -258,7 +272,7 @@ def _intervals(bootstrap: SceneBootstrap, metrics: PerSample) -> dict[str, Inter
 
 
 def _calibration_difference(
-    bootstrap: SceneBootstrap, ours: Float[Array, "S I"], theirs: Float[Array, "S J"]
+    bootstrap: GroupBootstrap, ours: Float[Array, "S I"], theirs: Float[Array, "S J"]
 ) -> Interval:
     """ECE of one method minus that of another, in the same draws."""
     num_ours = ours.shape[1]

@@ -36,26 +36,51 @@ class TemplateErrors:
     max_m: Float[Array, "S J"]
 
 
-def ranks(log_prob: Float[Array, "S K"], label: Int[Array, " S"]) -> Int[Array, " S"]:
-    """Number of templates ranked before the label; 0 is best.
+@dataclass(frozen=True)
+class LabelRanks:
+    """Where the label of each sample stands among the templates.
 
-    Equal log-probabilities rank by template index, so that the result does not depend on a sort.
-    A value that is not a number counts against the model: if it is the label's own, the rank is K.
+    Attributes:
+        num_before: Templates ranked before it for sure; 0 is best.
+        num_tied: Templates with its log-probability, itself included; 0 where that is no number.
+    """
+
+    num_before: Int[Array, " S"]
+    num_tied: Int[Array, " S"]
+
+    def hits(self, k: int) -> Float[Array, " S"]:
+        """Probability that the label is among the first k if those tied are shuffled: 0 to 1.
+
+        Templates are ordered by frequency, so an order by index would give a planner that says
+        nothing the accuracy of the prior. This way it has k / K.
+        """
+        share = np.clip((k - self.num_before) / np.maximum(self.num_tied, 1), 0.0, 1.0)
+        hit: Array = share * (self.num_tied > 0)
+        return hit
+
+
+def rank_labels(log_prob: Float[Array, "S K"], label: Int[Array, " S"]) -> LabelRanks:
+    """How many templates are ranked before the label, and how many tie with it.
+
+    A value that is not a number counts against the model: such a template stands before the label,
+    such a label behind all K.
 
     Args:
         log_prob: Any monotone score per template; high is good.
         label: Index of the template nearest to the driven path.
     """
-    num_templates = log_prob.shape[1]
     at_label = np.take_along_axis(log_prob, label[:, None], axis=1)
-    not_before = np.arange(num_templates) >= label[:, None]
-    behind = (log_prob < at_label) | ((log_prob == at_label) & not_before)
-    rank: Array = num_templates - behind.sum(axis=1)
-    return rank
+    num_tied = (log_prob == at_label).sum(axis=1)
+    # Counting those behind, not those before, keeps a diverged (NaN) model from ranking first.
+    num_behind = (log_prob < at_label).sum(axis=1)
+    return LabelRanks(log_prob.shape[1] - num_behind - num_tied, num_tied)
 
 
 def top_templates(log_prob: Float[Array, "S K"], k: int) -> Int[Array, "S J"]:
-    """Indices of the k most probable templates, best first; ties by template index, as in `ranks`.
+    """Indices of the k most probable templates, best first.
+
+    Of equally probable ones the first by index come first, which is the most frequent: where one
+    must be chosen, to be drawn or driven, it is always the same. `LabelRanks` has no such order.
 
     Args:
         log_prob: Any monotone score per template; high is good.
@@ -142,7 +167,8 @@ class PlanningMetrics(Metric):
     def __init__(self, ks: Sequence[int] = TOP_KS) -> None:
         super().__init__()
         self.ks = tuple(ks)
-        self.add_state("hits", torch.zeros(len(self.ks), dtype=torch.long), dist_reduce_fx="sum")
+        hits = torch.zeros(len(self.ks), dtype=torch.float64)
+        self.add_state("hits", hits, dist_reduce_fx="sum")
         self.add_state("nll_sum", torch.zeros((), dtype=torch.float64), dist_reduce_fx="sum")
         self.add_state("num_samples", torch.zeros((), dtype=torch.long), dist_reduce_fx="sum")
 
@@ -155,17 +181,18 @@ class PlanningMetrics(Metric):
         """
         log_prob = log_prob.detach()
         at_label = log_prob.gather(1, label[:, None])
-        index = torch.arange(log_prob.shape[1], device=log_prob.device)
-        # Counting those behind, not those before, keeps a diverged (NaN) model from ranking first.
-        behind = (log_prob < at_label) | ((log_prob == at_label) & (index >= label[:, None]))
-        rank = log_prob.shape[1] - behind.sum(dim=1)
-        within = torch.tensor(self.ks, device=rank.device)
-        self.hits += (rank[:, None] < within).sum(dim=0)
+        # As `rank_labels` and `LabelRanks.hits`.
+        num_tied = (log_prob == at_label).sum(dim=1, keepdim=True)
+        num_behind = (log_prob < at_label).sum(dim=1, keepdim=True)
+        within = torch.tensor(self.ks, dtype=self.hits.dtype, device=log_prob.device)
+        places_left = within - (log_prob.shape[1] - num_behind - num_tied)
+        share = (places_left / num_tied.clamp(min=1)).clamp(0.0, 1.0)
+        self.hits += (share * (num_tied > 0)).sum(dim=0)
         self.nll_sum -= at_label.to(self.nll_sum.dtype).sum()
         self.num_samples += len(label)
 
     def compute(self) -> dict[str, float]:
         """Accuracies in per cent (`top1`, ...), `nll` in nats, over all samples; NaN before any."""
-        percent = 100.0 * self.hits.double() / self.num_samples
+        percent = 100.0 * self.hits / self.num_samples
         values = {f"top{k}": float(value) for k, value in zip(self.ks, percent, strict=True)}
         return {**values, "nll": float(self.nll_sum / self.num_samples)}

@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from shoot.bootstrap import Interval
+from shoot.bootstrap import Interval, name_groups
 from shoot.evaluation import MODEL, Report, Results
 
 # More columns than these do not fit beside each other.
@@ -56,7 +56,7 @@ def _ranking_table(report: Report) -> Table:
     overall = report.overall
     table = _table(
         f"Split '{report.split}': {overall.num_samples} samples of {overall.num_scenes} scenes "
-        "(95 % intervals over scenes)"
+        f"(95 % intervals over {name_groups(report.resampled, overall.num_groups)})"
     )
     table.add_column("method", max_width=14)
     for _, header, _ in _RANKING_COLUMNS:

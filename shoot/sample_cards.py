@@ -8,7 +8,7 @@ from jaxtyping import Float
 from shoot.datamodule import LabelledSplit
 from shoot.html_report import SampleCard, figure_png, pick_samples
 from shoot.manoeuvres import classify_manoeuvres
-from shoot.metrics import negative_log_likelihood, ranks
+from shoot.metrics import negative_log_likelihood, rank_labels
 from shoot.prediction import TrainedRun
 from shoot.rendering import render_sample
 from shoot.sample_views import view_sample
@@ -32,7 +32,7 @@ def make_cards(
         DataError: If a file of a chosen sample is missing or damaged.
     """
     nll = negative_log_likelihood(log_prob, split.labels)
-    rank = ranks(log_prob, split.labels)
+    rank = rank_labels(log_prob, split.labels).num_before
     moving = classify_manoeuvres(split.futures.xy_m) != "standing"
     chosen = pick_samples(nll, rank, split.futures.scene, num, moving)
 

@@ -17,7 +17,7 @@ from shoot.metrics import (
     min_fde,
     misses,
     negative_log_likelihood,
-    ranks,
+    rank_labels,
     template_errors,
     top_templates,
 )
@@ -34,16 +34,16 @@ class Scores:
         metrics: Metric -> one value per sample in the unit of the report; NaN where it does not
             apply.
         confidence: Probability of the chosen template, which is the most probable one.
-        is_hit: Whether that template is the label.
+        hit: 1 where that template is the label, else 0; a share where several are most probable.
     """
 
     metrics: PerSample
     confidence: Float[Array, " S"]
-    is_hit: Bool[Array, " S"]
+    hit: Float[Array, " S"]
 
     def select(self, keep: Bool[Array, " S"]) -> "Scores":
         """Only some of the samples."""
-        return Scores(select_samples(self.metrics, keep), self.confidence[keep], self.is_hit[keep])
+        return Scores(select_samples(self.metrics, keep), self.confidence[keep], self.hit[keep])
 
 
 class Scorer:
@@ -110,9 +110,9 @@ class Scorer:
         best = top_templates(rows, max(TOP_KS))
         confidence = np.take_along_axis(prob, best[:, :1], axis=1)[:, 0]
         best = np.broadcast_to(best, (len(labels), best.shape[1]))
-        rank = ranks(every, labels)
+        ranks = rank_labels(every, labels)
         errors = template_errors(templates, futures, best)
-        metrics = {f"top{k}": 100.0 * (rank < k) for k in TOP_KS}
+        metrics = {f"top{k}": 100.0 * ranks.hits(k) for k in TOP_KS}
         metrics |= {"nll": nll, "brier": brier_score(prob, labels)}
         metrics |= {"expected_ade": expected_ade(prob, self._ade_m)}
         metrics |= {f"min_ade_{k}": min_ade(errors, k) for k in TOP_KS}
@@ -123,7 +123,7 @@ class Scorer:
         metrics |= {key: value[chosen] for key, value in self._template_comfort.items()}
         if self._path_checks is not None:
             metrics |= self._path_checks(templates[chosen])
-        return Scores(metrics, np.broadcast_to(confidence, rank.shape), rank == 0)
+        return Scores(metrics, np.broadcast_to(confidence, labels.shape), ranks.hits(1))
 
     def score_nearest(self) -> PerSample:
         """Errors of the nearest template: `ade`, `fde` and `miss_rate`."""

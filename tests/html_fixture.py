@@ -55,6 +55,7 @@ def make_results(
     return Results(
         num_samples=12,
         num_scenes=3 if numbers.has_bounds else 1,
+        num_groups=3 if numbers.has_bounds else 1,
         methods={name: numbers.metrics(keys) for name in methods},
         differences={
             name: numbers.metrics(keys)

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from shoot.bootstrap import Interval, SceneBootstrap, interval, paired_interval
+from shoot.bootstrap import GroupBootstrap, Interval, interval, paired_interval
 
 
 def _scenes(generator, num_scenes, scene_std):
@@ -96,7 +96,7 @@ def test_excludes_zero(low, high, excludes):
 
 def test_no_samples_are_refused():
     with pytest.raises(ValueError, match="at least one sample"):
-        SceneBootstrap(np.zeros(0, dtype=int))
+        GroupBootstrap(np.zeros(0, dtype=int))
 
 
 class TestNumbersThatDoNotApply:
@@ -147,7 +147,7 @@ def test_columns_at_once_equal_one_by_one():
     generator = np.random.default_rng(11)
     first, scene = _scenes(generator, 20, 1.0)
     second = np.where(generator.random(len(first)) < 0.2, np.nan, first**2)
-    bootstrap = SceneBootstrap(scene)
+    bootstrap = GroupBootstrap(scene)
     together = bootstrap.intervals(np.stack([first, second], axis=1))
     for found, values in zip(together, (first, second), strict=True):
         alone = bootstrap.interval(values)
@@ -159,7 +159,7 @@ def test_columns_at_once_equal_one_by_one():
 class TestStatistic:
     def test_of_a_mean_is_the_interval(self):
         values, scene = _scenes(np.random.default_rng(12), 15, 1.0)
-        bootstrap = SceneBootstrap(scene)
+        bootstrap = GroupBootstrap(scene)
         terms = np.stack([values, np.ones(len(values))], axis=1)
         found = bootstrap.statistic(terms, lambda sums: sums[:, 0] / sums[:, 1])
         expected = bootstrap.interval(values)
@@ -175,7 +175,7 @@ class TestStatistic:
         def ratio(sums):
             return sums[:, 0] / sums[:, 1]
 
-        found = SceneBootstrap(scene, num_draws=4000).statistic(terms, ratio)
+        found = GroupBootstrap(scene, num_draws=4000).statistic(terms, ratio)
         ratios = []
         for _ in range(4000):
             rows = np.concatenate([np.flatnonzero(scene == s) for s in generator.choice(10, 10)])
@@ -186,6 +186,6 @@ class TestStatistic:
         assert found.high == pytest.approx(np.percentile(ratios, 97.5), abs=tolerance)
 
     def test_one_scene_has_a_value_and_no_interval(self):
-        found = SceneBootstrap(np.zeros(2)).statistic(np.ones((2, 1)), lambda sums: sums[:, 0])
+        found = GroupBootstrap(np.zeros(2)).statistic(np.ones((2, 1)), lambda sums: sums[:, 0])
         assert found.value == 2.0
         assert math.isnan(found.low)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from shoot.bootstrap import SceneBootstrap
+from shoot.bootstrap import GroupBootstrap
 from shoot.calibration import (
     brier_score,
     calibration_error,
@@ -11,8 +11,10 @@ from shoot.calibration import (
 )
 
 
-def _error(confidence, is_hit, num_bins=10):
-    sums = calibration_terms(confidence, is_hit, num_bins).sum(axis=0, keepdims=True)
+def _error(confidence, hit, num_bins=10):
+    sums = calibration_terms(confidence, np.asarray(hit, dtype=float), num_bins).sum(
+        axis=0, keepdims=True
+    )
     return float(calibration_error(sums)[0])
 
 
@@ -82,12 +84,12 @@ class TestBins:
 class TestCalibrationError:
     def test_by_hand(self):
         confidence = np.array([0.2, 0.4, 0.6, 0.8])
-        is_hit = np.array([False, False, True, True])
+        hit = np.array([0.0, 0.0, 1.0, 1.0])
         # Two bins: 0.3 said and 0 right, 0.7 said and 1 right.
-        assert _error(confidence, is_hit, 2) == pytest.approx(30.0)
+        assert _error(confidence, hit, 2) == pytest.approx(30.0)
         # One bin: 0.5 said and 0.5 right.
-        assert _error(confidence, is_hit, 1) == pytest.approx(0.0)
-        reliability = measure_reliability(confidence, is_hit, 2)
+        assert _error(confidence, hit, 1) == pytest.approx(0.0)
+        reliability = measure_reliability(confidence, hit, 2)
         np.testing.assert_allclose(reliability.confidence, [0.3, 0.7])
         assert reliability.accuracy.tolist() == [0.0, 1.0]
         assert reliability.count.tolist() == [2, 2]
@@ -112,11 +114,11 @@ class TestCalibrationError:
     def test_is_the_mean_gap_of_the_reliability(self):
         generator = np.random.default_rng(6)
         confidence = generator.random(500)
-        is_hit = generator.random(500) < confidence**2
-        bins = measure_reliability(confidence, is_hit)
+        hit = (generator.random(500) < confidence**2).astype(float)
+        bins = measure_reliability(confidence, hit)
         gap = np.abs(bins.accuracy - bins.confidence)
         expected = 100.0 * float((bins.count * gap).sum() / bins.count.sum())
-        assert _error(confidence, is_hit) == pytest.approx(expected)
+        assert _error(confidence, hit) == pytest.approx(expected)
 
     def test_of_many_calibrated_samples_is_small(self):
         generator = np.random.default_rng(7)
@@ -128,16 +130,16 @@ class TestCalibrationError:
         generator = np.random.default_rng(8)
         scene = np.repeat(np.arange(15), 20)
         confidence = generator.random(300)
-        is_hit = generator.random(300) < 0.3 + 0.3 * confidence
-        bootstrap = SceneBootstrap(scene, num_draws=3000)
-        found = bootstrap.statistic(calibration_terms(confidence, is_hit), calibration_error)
-        bins, gap = equal_mass_bins(confidence), is_hit - confidence
+        hit = (generator.random(300) < 0.3 + 0.3 * confidence).astype(float)
+        bootstrap = GroupBootstrap(scene, num_draws=3000)
+        found = bootstrap.statistic(calibration_terms(confidence, hit), calibration_error)
+        bins, gap = equal_mass_bins(confidence), hit - confidence
         errors = []
         for _ in range(3000):
             rows = np.concatenate([np.flatnonzero(scene == s) for s in generator.choice(15, 15)])
             of_bins = [gap[rows][bins[rows] == b].sum() for b in range(10)]
             errors.append(100.0 * np.abs(of_bins).sum() / len(rows))
         tolerance = 0.15 * np.std(errors)
-        assert found.value == pytest.approx(_error(confidence, is_hit))
+        assert found.value == pytest.approx(_error(confidence, hit))
         assert found.low == pytest.approx(np.percentile(errors, 2.5), abs=tolerance)
         assert found.high == pytest.approx(np.percentile(errors, 97.5), abs=tolerance)

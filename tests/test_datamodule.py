@@ -1,5 +1,6 @@
 import dataclasses
 import itertools
+import json
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -61,6 +62,25 @@ def test_split_is_labelled_by_the_nearest(data: DataConfig, templates: TemplateS
     for future, label in zip(split.futures.xy_m, split.labels, strict=True):
         squares = ((templates.points - future) ** 2).sum(axis=(1, 2))
         assert squares[label] == squares.min()
+
+
+def test_logs_are_known_where_one_of_the_data_set_holds_several_scenes(
+    tmp_path: Path, data: DataConfig, templates: TemplateSet
+) -> None:
+    assert load_split(data, "train", templates).logs is None
+    root = write_tiny(tmp_path / "d", cameras=CAMERAS[:2], image_hw=(36, 64))
+    table = root / VERSION / "scene.json"
+    scenes = json.loads(table.read_text())
+    # The validation scene was cut from the same drive as one for training.
+    scenes[2]["log_token"] = scenes[0]["log_token"]
+    table.write_text(json.dumps(scenes))
+    own = replace(data, root=str(root), cameras=CAMERAS[:2])
+    logs = load_split(own, "train", templates).logs
+    assert logs is not None
+    assert logs.tolist() == ["scene-0001"] * 7 + ["scene-0002"] * 7
+    logs = load_split(own, "val", templates).logs
+    assert logs is not None
+    assert logs.tolist() == ["scene-0001"] * KEPT_A_SCENE
 
 
 def test_samples_without_images_leave_the_split(

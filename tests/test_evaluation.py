@@ -8,7 +8,8 @@ from shoot.bootstrap import interval, paired_interval
 from shoot.calibration import measure_reliability
 from shoot.comfort import measure_comfort
 from shoot.evaluation import condition_of, evaluate
-from shoot.metrics import TOP_KS, negative_log_likelihood, ranks
+from shoot.html_report import PageDetails, render_page
+from shoot.metrics import TOP_KS, negative_log_likelihood, rank_labels
 from shoot.report_table import format_table
 
 COMFORT = ["lon_accel_mps2", "lat_accel_mps2", "jerk_mps3", "comfort"]
@@ -120,7 +121,7 @@ def test_by_hand():
     assert np.isnan([model["l2_at_1s"], model["l2_upto_3s"], model["comfort"]]).all()
     assert report.differences["prior"]["nll"].value == pytest.approx(0.5 * np.log(4 / 3))
     assert report.differences["prior"]["ece"].value == pytest.approx(25.0)
-    assert report.differences["prior"]["top1"].value == 0.0  # the prior's tie goes to template 0
+    assert report.differences["prior"]["top1"].value == 0.0  # the prior's tie is shared: 1 / 2 each
     assert report.oracle["ade"].value == pytest.approx(1.5)
     # Two scenes: both, one of them twice, or the other twice.
     assert (report.methods["model"]["top1"].low, report.methods["model"]["top1"].high) == (0, 100)
@@ -130,7 +131,7 @@ def test_numbers_are_those_of_metrics_and_bootstrap(case, report):
     labels, scene = case["labels"], case["scene_idx"]
     model = case["log_probs"]["model"]
     prior = np.tile(case["log_probs"]["prior"], (240, 1))
-    hits = [100.0 * (ranks(log_prob, labels) < 10) for log_prob in (model, prior)]
+    hits = [100.0 * rank_labels(log_prob, labels).hits(10) for log_prob in (model, prior)]
     assert report.overall.methods["model"]["top10"] == interval(hits[0], scene)
     assert report.overall.differences["prior"]["top10"] == paired_interval(*hits, scene)
     nll = negative_log_likelihood(prior, labels)
@@ -139,9 +140,17 @@ def test_numbers_are_those_of_metrics_and_bootstrap(case, report):
     assert (found.value, found.low, found.high) == pytest.approx(
         (expected.value, expected.low, expected.high)
     )
-    bins = measure_reliability(np.exp(model).max(axis=1), ranks(model, labels) == 0)
+    bins = measure_reliability(np.exp(model).max(axis=1), rank_labels(model, labels).hits(1))
     np.testing.assert_allclose(report.overall.reliability["model"].accuracy, bins.accuracy)
     np.testing.assert_allclose(report.overall.reliability["model"].confidence, bins.confidence)
+
+
+def test_who_says_nothing_hits_by_chance_and_is_calibrated(case):
+    found = evaluate(**case | {"log_probs": {"model": np.full(30, -np.log(30.0))}}).overall
+    for k in TOP_KS:
+        assert found.methods["model"][f"top{k}"].value == pytest.approx(100.0 * k / 30)
+    assert found.methods["model"]["ece"].value == pytest.approx(0.0, abs=1e-5)
+    assert found.reliability["model"].accuracy.tolist() == pytest.approx([1 / 30])
 
 
 def test_the_chosen_template_is_the_one_that_is_judged(case, checked):
@@ -243,6 +252,7 @@ def test_report_json_has_the_agreed_form(report, tmp_path):
     assert set(loaded["by_manoeuvre"]["standing"]) == {
         "num_samples",
         "num_scenes",
+        "num_groups",
         "methods",
         "differences",
         "oracle",
@@ -250,6 +260,52 @@ def test_report_json_has_the_agreed_form(report, tmp_path):
         "reliability",
     }
     assert [entry.name for entry in path.parent.iterdir()] == ["report.json"]
+
+
+class TestLogs:
+    """12 scenes of 4 logs, the last of which has only one of them."""
+
+    logs = np.repeat(["a", "a", "a", "a", "a", "b", "b", "b", "c", "c", "c", "d"], 20)
+
+    @pytest.fixture(scope="class")
+    def by_log(self, case):
+        return evaluate(**case, logs=self.logs)
+
+    def test_are_drawn_whole_and_means_stay(self, case, report, by_log):
+        labels = case["labels"]
+        hits = 100.0 * rank_labels(case["log_probs"]["model"], labels).hits(10)
+        prior = np.tile(case["log_probs"]["prior"], (240, 1))
+        prior_hits = 100.0 * rank_labels(prior, labels).hits(10)
+        found = by_log.overall
+        assert found.methods["model"]["top10"] == interval(hits, self.logs)
+        assert found.methods["model"]["top10"] != report.overall.methods["model"]["top10"]
+        assert found.differences["prior"]["top10"] == paired_interval(hits, prior_hits, self.logs)
+        for name, metric in report.overall.methods["model"].items():
+            assert found.methods["model"][name].value == pytest.approx(metric.value)
+
+    def test_are_counted_and_named(self, report, by_log):
+        loaded = by_log.to_json()
+        assert (loaded["resampled"], loaded["num_scenes"], loaded["num_groups"]) == ("logs", 12, 4)
+        assert loaded["by_condition"]["rain"]["num_groups"] == 2
+        loaded = report.to_json()
+        assert (loaded["resampled"], loaded["num_groups"]) == ("scenes", 12)
+
+    def test_are_named_in_the_table_and_on_the_page(self, report, by_log):
+        titles = [" ".join(format_table(found).split()) for found in (by_log, report)]
+        assert "240 samples of 12 scenes (95 % intervals over 4 logs)" in titles[0]
+        assert "240 samples of 12 scenes (95 % intervals over scenes)" in titles[1]
+        details = PageDetails("run", "last", "data", "now", 30)
+        pages = [render_page(found, {}, details) for found in (by_log, report)]
+        assert "240 of 12 scenes of 4 logs" in pages[0]
+        assert "95 % intervals over 4 logs: whole logs are drawn again" in pages[0]
+        assert "logs" not in pages[1]
+        assert "95 % intervals over scenes: whole scenes are drawn again" in pages[1]
+
+    def test_one_alone_has_no_interval_though_it_has_scenes(self, case):
+        found = evaluate(**case, logs=np.full(240, "a"))
+        assert np.isnan(found.overall.methods["model"]["top10"].low)
+        page = render_page(found, {}, PageDetails("run", "last", "data", "now", 30))
+        assert "one log only" in page
 
 
 def test_one_scene_is_valid_json_without_bounds(case, tmp_path):

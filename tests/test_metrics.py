@@ -14,7 +14,7 @@ from shoot.metrics import (
     min_fde,
     misses,
     negative_log_likelihood,
-    ranks,
+    rank_labels,
     template_errors,
     top_templates,
 )
@@ -26,44 +26,89 @@ def _random_log_prob(num_samples, num_templates, seed=0):
     return logits - np.log(np.exp(logits).sum(1, keepdims=True))
 
 
-class TestRanks:
+def _with_ties(num_samples, num_templates, num_levels, seed):
+    """Few levels, so that many templates are equally probable; and labels."""
+    generator = np.random.default_rng(seed)
+    levels = -generator.random(num_levels).astype(np.float32)
+    rows = levels[generator.integers(0, num_levels, (num_samples, num_templates))]
+    return rows, generator.integers(0, num_templates, num_samples)
+
+
+class TestRankLabels:
     def test_by_hand(self):
         log_prob = np.log([[0.5, 0.2, 0.3], [0.1, 0.2, 0.7]])
-        assert ranks(log_prob, np.array([2, 0])).tolist() == [1, 2]
+        found = rank_labels(log_prob, np.array([2, 0]))
+        assert (found.num_before.tolist(), found.num_tied.tolist()) == ([1, 2], [1, 1])
 
-    def test_ties_rank_by_template_index(self):
-        flat = np.full((4, 4), np.log(0.25))
-        assert ranks(flat, np.arange(4)).tolist() == [0, 1, 2, 3]
+    def test_ties_share_their_places_by_hand(self):
+        # One template before the label; the label and two others then share places 2, 3 and 4.
+        found = rank_labels(np.array([[-1.0, -2.0, -2.0, -3.0, -2.0]]), np.array([4]))
+        assert (found.num_before.tolist(), found.num_tied.tolist()) == ([1], [3])
+        hits = [found.hits(k)[0] for k in range(1, 6)]
+        assert hits == pytest.approx([0.0, 1 / 3, 2 / 3, 1.0, 1.0])
+
+    def test_a_planner_that_says_nothing_has_k_of_all_whatever_is_driven(self):
+        # Labels as they are: the first templates are the most frequent by far.
+        label = np.minimum(np.random.default_rng(1).geometric(0.05, 500) - 1, 199)
+        nothing = rank_labels(np.full((500, 200), -np.log(200.0)), label)
+        running = PlanningMetrics()
+        running.update(torch.zeros(500, 200).log_softmax(dim=-1), torch.from_numpy(label))
+        for k in TOP_KS:
+            np.testing.assert_allclose(nothing.hits(k), k / 200)
+            assert running.compute()[f"top{k}"] == pytest.approx(100.0 * k / 200)
+
+    def test_agrees_with_shuffling_the_templates_many_times(self):
+        log_prob, label = _with_ties(40, 25, 6, seed=2)
+        generator = np.random.default_rng(3)
+        share = np.zeros((len(TOP_KS), 40))
+        for _ in range(2000):
+            shuffled = generator.permutation(25)
+            best = shuffled[top_templates(log_prob[:, shuffled], 25)]
+            place = (best == label[:, None]).argmax(axis=1)
+            share += place < np.array(TOP_KS)[:, None]
+        found = rank_labels(log_prob, label)
+        for k, expected in zip(TOP_KS, share / 2000, strict=True):
+            np.testing.assert_allclose(found.hits(k), expected, atol=0.06)  # five deviations
+
+    def test_the_order_of_templates_does_not_matter(self):
+        log_prob, label = _with_ties(60, 30, 4, seed=4)
+        new_of_old = np.random.default_rng(5).permutation(30)
+        moved = np.empty_like(log_prob)
+        moved[:, new_of_old] = log_prob
+        here, there = rank_labels(log_prob, label), rank_labels(moved, new_of_old[label])
+        for k in TOP_KS:
+            np.testing.assert_array_equal(here.hits(k), there.hits(k))
 
     def test_a_diverged_model_never_ranks_first(self):
         log_prob = np.array([[np.nan, np.nan, np.nan], [np.nan, -1.0, -0.5]])
-        assert ranks(log_prob, np.array([0, 2])).tolist() == [3, 1]
-
-    def test_equals_sorting_with_ties(self):
-        generator = np.random.default_rng(1)
-        log_prob = -generator.integers(0, 6, (300, 25)).astype(np.float32)
-        label = generator.integers(0, 25, 300)
-        expected = [
-            sorted(range(25), key=lambda k: (-row[k], k)).index(y)
-            for row, y in zip(log_prob.tolist(), label.tolist(), strict=True)
-        ]
-        assert ranks(log_prob, label).tolist() == expected
+        found = rank_labels(log_prob, np.array([0, 2]))
+        assert found.num_before.tolist() == [3, 1]
+        assert found.hits(1).tolist() == [0.0, 0.0]
+        assert found.hits(2).tolist() == [0.0, 1.0]
+        assert found.hits(20).tolist() == [0.0, 1.0]
 
     def test_works_on_a_broadcast_prior(self):
         prior = _random_log_prob(1, 30)[0]
         label = np.arange(30)
-        shared = ranks(np.broadcast_to(prior, (30, 30)), label)
+        shared = rank_labels(np.broadcast_to(prior, (30, 30)), label).num_before
         assert np.array_equal(np.argsort(shared), np.argsort(-prior))
 
 
 class TestTopTemplates:
-    def test_contains_the_label_exactly_where_its_rank_is_below_k(self):
+    def test_contains_the_label_exactly_where_it_hits(self):
         generator = np.random.default_rng(2)
-        log_prob = -generator.integers(0, 9, (2500, 40)).astype(np.float32)  # more than one chunk
+        log_prob = generator.random((2500, 40)).astype(np.float32)  # more than one chunk
         label = generator.integers(0, 40, 2500)
-        rank = ranks(log_prob, label)
+        ranks = rank_labels(log_prob, label)
+        assert (ranks.num_tied == 1).all()
         for k in TOP_KS:
-            assert np.array_equal((top_templates(log_prob, k) == label[:, None]).any(1), rank < k)
+            within = (top_templates(log_prob, k) == label[:, None]).any(1)
+            assert np.array_equal(within, ranks.hits(k))
+
+    def test_ties_are_chosen_by_index(self):
+        log_prob, _ = _with_ties(300, 25, 6, seed=1)
+        expected = [sorted(range(25), key=lambda k: (-row[k], k)) for row in log_prob.tolist()]
+        assert top_templates(log_prob, 25).tolist() == expected
 
     def test_fewer_templates_than_k_gives_all(self):
         assert top_templates(np.log([[0.2, 0.8]]), 20).tolist() == [[1, 0]]
@@ -81,7 +126,7 @@ def test_accuracy_and_nll_agree_with_sklearn():
     classes = np.arange(30)
     for k in TOP_KS:
         expected = top_k_accuracy_score(label, log_prob, k=k, labels=classes)
-        assert np.mean(ranks(log_prob, label) < k) == pytest.approx(expected)
+        assert rank_labels(log_prob, label).hits(k).mean() == pytest.approx(expected)
     expected = log_loss(label, np.exp(log_prob), labels=classes)
     assert negative_log_likelihood(log_prob, label).mean() == pytest.approx(expected)
 
@@ -138,10 +183,25 @@ class TestPlanningMetrics:
         for rows in np.split(np.arange(101), [7, 8, 60]):
             metric.update(torch.from_numpy(log_prob[rows]), torch.from_numpy(label[rows]))
         values = metric.compute()
-        rank = ranks(log_prob, label)
+        ranks = rank_labels(log_prob, label)
         for k in TOP_KS:
-            assert values[f"top{k}"] == pytest.approx(100.0 * np.mean(rank < k))
+            assert values[f"top{k}"] == pytest.approx(100.0 * ranks.hits(k).mean())
         assert values["nll"] == pytest.approx(negative_log_likelihood(log_prob, label).mean())
+
+    @pytest.mark.parametrize("dtype", [np.float32, np.float64])
+    def test_ties_and_what_is_no_number_equal_numpy(self, dtype):
+        log_prob, label = _with_ties(400, 30, 5, seed=8)
+        log_prob = log_prob.astype(dtype)
+        log_prob[::7, 3] = np.nan
+        log_prob[::9, 4] = -np.inf
+        assert np.isnan(log_prob[np.arange(400), label]).any()
+        metric = PlanningMetrics()
+        for rows in np.split(np.arange(400), [7, 90]):
+            metric.update(torch.from_numpy(log_prob[rows]), torch.from_numpy(label[rows]))
+        ranks = rank_labels(log_prob, label)
+        for k in TOP_KS:
+            expected = pytest.approx(100.0 * ranks.hits(k).mean(), rel=1e-12)
+            assert metric.compute()[f"top{k}"] == expected
 
     def test_agrees_with_torchmetrics(self):
         from torchmetrics.classification import MulticlassAccuracy

@@ -11,7 +11,7 @@ from world_fixture import NUM_TEMPLATES, TinyRun, command
 
 from shoot.datamodule import load_split
 from shoot.manoeuvres import classify_manoeuvres
-from shoot.metrics import ranks
+from shoot.metrics import rank_labels
 from shoot.prediction import open_run, predict
 from shoot.sample_cards import make_cards
 
@@ -25,7 +25,7 @@ def test_cards_hold_what_the_planner_says_of_their_samples(tiny_run: TinyRun) ->
         "best": 2, "typical": 2, "worst": 2,
     }  # fmt: skip
     tokens = [str(token) for token in split.index.sample_token[split.futures.sample]]
-    rank = ranks(log_prob, split.labels)
+    rank = rank_labels(log_prob, split.labels).num_before
     for card in (card for group in cards.values() for card in group):
         position = tokens.index(card.token)
         assert card.probability == pytest.approx(

@@ -66,6 +66,7 @@ def test_shapes_and_names(index: SampleIndex) -> None:
     assert len(index.sample_token) == num == len(set(index.sample_token))
     assert index.scene_name.tolist() == [scene.name for scene in SCENES]
     assert index.scene_location.tolist() == ["boston-seaport"] * 3
+    assert index.scene_log.tolist() == [scene.name for scene in SCENES]
     assert index.track_start.tolist() == [SWEEPS_A_SCENE * i for i in range(4)]
     assert index.has_camera.all()
     assert (index.image_hw == [90, 160]).all()

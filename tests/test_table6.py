@@ -142,6 +142,22 @@ def test_planners_are_compared_scene_by_scene(table: Any) -> None:
     assert table.cells.paired(ours, [other], "top10") == "-"
 
 
+def test_scenes_of_one_log_are_drawn_together(table: Any) -> None:
+    def run(top10: tuple[float, float, float], logs: str) -> dict[str, Any]:
+        return {
+            "by_scene": {
+                f"scene-{log}{number}": {"num_samples": 10, "top10": value, "log": log}
+                for number, (value, log) in enumerate(zip(top10, logs, strict=True))
+            }
+        }
+
+    # By hand: alone, the first log gains 20 and 40 points, the second none.
+    ours, theirs = run((60.0, 80.0, 50.0), "aab"), run((40.0, 40.0, 50.0), "aab")
+    assert table.cells.paired([ours], [theirs], "top10") == "+20.0 [+0.0, +30.0]"
+    ours, theirs = run((60.0, 80.0, 50.0), "aaa"), run((40.0, 40.0, 50.0), "aaa")
+    assert table.cells.paired([ours], [theirs], "top10") == "+20.0"
+
+
 def test_a_change_is_measured_from_the_mean_over_seeds(table: Any, tmp_path: Path) -> None:
     """Every scene alike, so by hand: 44 beside 50, 52 and 54."""
     one = table.records.load_records(ROOT / "docs" / "results")

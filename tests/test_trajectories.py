@@ -316,6 +316,7 @@ def _index_of_track(times_s: np.ndarray, x_m: np.ndarray) -> SampleIndex:
         scene_token=names,
         scene_description=names,
         scene_location=names,
+        scene_log=names,
         track_start=np.asarray([0, len(times_s)]),
         track_time_s=times_s,
         track_xy_m=np.stack([x_m, np.zeros_like(x_m)], axis=-1),

@@ -27,7 +27,7 @@ from lss_core.legible import legible
 
 logger = logging.getLogger(__name__)
 
-_FORMAT = 4
+_FORMAT = 5
 # Letters of a description that are kept: one long text would make all of them as wide.
 _SHOWN = 1000
 # Time stamps are whole microseconds but travel as float64 seconds since 1970.
@@ -63,6 +63,7 @@ class SampleIndex:
         scene_token: [C].
         scene_description: [C].
         scene_location: [C].
+        scene_log: [C] token of the drive it was cut from.
         track_start: [C + 1].
         track_time_s: [P].
         track_xy_m: [P, 2] ego origin in `global`.
@@ -95,6 +96,7 @@ class SampleIndex:
     scene_token: NDArray[np.character]
     scene_description: NDArray[np.character]
     scene_location: NDArray[np.character]
+    scene_log: NDArray[np.character]
     track_start: NDArray[np.int64]
     track_time_s: FloatArray
     track_xy_m: FloatArray
@@ -243,6 +245,7 @@ def _build_index(root: Path, version: str, cameras: tuple[str, ...]) -> SampleIn
         scene_token=np.asarray([scene.token for scene in scenes]),
         scene_description=np.asarray([scene.description[:_SHOWN] for scene in scenes]),
         scene_location=np.asarray(tables.locations),
+        scene_log=np.asarray([scene.log_token for scene in scenes]),
         track_start=tables.track_start,
         track_time_s=frames.time_us[tables.track] / 1e6,
         track_xy_m=track_pose[:, :2, 3].copy(),

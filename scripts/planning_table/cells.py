@@ -1,5 +1,6 @@
 """Cells of the tables: values with their intervals, spreads over seeds, paired differences."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from typing import Any
@@ -15,7 +16,7 @@ _ONE_DIGIT = {"top5", "top10", "top20", "ece", "off_road_3s", "comfort"}
 
 
 def paired(ours: Sequence[Record], theirs: Sequence[Record], metric: str) -> str:
-    """Mean over runs of ours minus that of theirs, with its interval over scenes."""
+    """Mean over runs of ours minus that of theirs, with its interval over scenes (or logs)."""
     scenes = theirs[0]["by_scene"]
     counts = [scene["num_samples"] for scene in scenes.values()]
     if any(
@@ -28,9 +29,8 @@ def paired(ours: Sequence[Record], theirs: Sequence[Record], metric: str) -> str
         for runs in (ours, theirs)
     ]
     # Every sample stands for its scene's mean: the sums over scenes are the same.
-    difference = interval(
-        np.repeat(means[0] - means[1], counts), np.repeat(np.arange(len(counts)), counts)
-    )
+    groups = [scene.get("log", name) for name, scene in scenes.items()]
+    difference = interval(np.repeat(means[0] - means[1], counts), np.repeat(groups, counts))
     return value_cell(asdict(difference), metric, sign=True)
 
 
@@ -62,7 +62,7 @@ def value_cell(interval: dict[str, float | None] | None, metric: str, sign: bool
         return "-"
     value = _number(interval["value"], metric, sign)
     low, high = interval["low"], interval["high"]
-    if low is None or high is None:
+    if low is None or high is None or math.isnan(low):
         return value
     return f"{value} [{_number(low, metric, sign)}, {_number(high, metric, sign)}]"
 

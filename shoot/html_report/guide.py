@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from typing import Final
 
-from shoot.bootstrap import NUM_DRAWS
+from shoot.bootstrap import NUM_DRAWS, Groups, name_groups
 from shoot.html_report.markup import Html, element, join
 from shoot.html_report.words import spaced
 
@@ -22,17 +22,21 @@ METHOD_NOTES: Final = {
 }
 
 
-def reading_guide(num_templates: int | None, num_scenes: int, methods: Iterable[str]) -> Html:
+def reading_guide(
+    num_templates: int | None, resampled: Groups, num_groups: int, methods: Iterable[str]
+) -> Html:
     """The words of the page, and what its numbers do not tell.
 
     Args:
         num_templates: K, if known.
-        num_scenes: Scenes the samples come from.
+        resampled: What intervals are over.
+        num_groups: How many of them there are.
         methods: Keys of all methods.
     """
     one_of = (
         "fixed trajectories" if num_templates is None else f"{num_templates} fixed trajectories"
     )
+    one = resampled.removesuffix("s")
     points = [
         _point(
             "Template",
@@ -53,11 +57,13 @@ def reading_guide(num_templates: int | None, num_scenes: int, methods: Iterable[
         ),
         _point(
             "Intervals",
-            f"[low, high] are 95 % intervals over scenes: whole scenes are drawn again "
-            f"{NUM_DRAWS} times, since samples of one scene look alike. They say how much a number "
-            "hangs on which scenes were recorded here, nothing about another training seed or "
-            "another city. From few scenes they come out too narrow."
-            + (" Here is one scene only, so there are none." if num_scenes == 1 else ""),
+            f"[low, high] are 95 % intervals over {name_groups(resampled, num_groups)}: whole "
+            f"{resampled} are drawn again {NUM_DRAWS} times, since samples of one {one} look "
+            f"alike. They say how much a number hangs on which {resampled} were recorded here, "
+            f"nothing about another training seed or another city. From few {resampled} they come "
+            "out too narrow."
+            + (" A log is one drive, from which scenes are cut." if one == "log" else "")
+            + (f" Here is one {one} only, so there are none." if num_groups == 1 else ""),
         ),
         _point(
             "Differences",

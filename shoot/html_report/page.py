@@ -79,7 +79,7 @@ def render_page(
     overall = report.overall
     title = f"Evaluation of {details.run} on '{report.split}'"
     sections = [
-        ("guide", "How to read this", _guide(overall, details)),
+        ("guide", "How to read this", _guide(report, details)),
         ("methods", "All methods", _methods(overall)),
         ("driving", "Calibration and driving", _driving(report)),
         ("parts", "Part by part", _parts(report)),
@@ -123,6 +123,8 @@ def _facts(report: Report, details: PageDetails) -> Html:
         "Samples": f"{report.overall.num_samples} of {report.overall.num_scenes} scenes",
         "Date": details.date,
     }
+    if report.resampled == "logs":
+        facts["Samples"] += f" of {report.overall.num_groups} logs"
     if report.num_bad_samples:
         facts["Left out"] = f"{report.num_bad_samples} samples that cannot be used"
     if details.num_templates is not None:
@@ -131,8 +133,11 @@ def _facts(report: Report, details: PageDetails) -> Html:
     return element("dl", *(element(tag, text) for tag, text in pairs), class_="facts")
 
 
-def _guide(overall: Results, details: PageDetails) -> Html:
-    return reading_guide(details.num_templates, overall.num_scenes, overall.methods)
+def _guide(report: Report, details: PageDetails) -> Html:
+    overall = report.overall
+    return reading_guide(
+        details.num_templates, report.resampled, overall.num_groups, overall.methods
+    )
 
 
 def _methods(overall: Results) -> Html:
