@@ -1,4 +1,4 @@
-"""Throws everything at the code that tests/faults has, and writes the table of docs/reliability.md.
+"""Throws everything at the code that there is, and writes the table of docs/reliability.md.
 
     python scripts/reliability.py [--only test_kills] [--tally FILE] [--page FILE]
 
@@ -43,7 +43,7 @@ def throw_all(config: ReliabilityConfig) -> int:
     """Run the tests and make the page; returns the tests' exit status."""
     tally = config.tally.absolute()
     tally.parent.mkdir(parents=True, exist_ok=True)
-    tests = ["-m", "pytest", "tests/faults", "-m", "full or not full", "-n", str(config.workers)]
+    tests = ["-m", "pytest", "-m", "faults or full", "-n", str(config.workers)]
     environment = {**os.environ, "SHOOT_TALLY": str(tally), "OMP_NUM_THREADS": "1"}
     started_s = time.monotonic()
     status = subprocess.run(

@@ -15,6 +15,16 @@ settings.load_profile("shoot")
 _REAL_BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data" / "nuscenes_real"
 
 
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave the full forms out unless asked for; begin with what takes long: all end together."""
+    if "full" not in config.getoption("-m"):
+        left_out = [item for item in items if item.get_closest_marker("full")]
+        if left_out:
+            config.hook.pytest_deselected(items=left_out)
+            items[:] = [item for item in items if not item.get_closest_marker("full")]
+    items.sort(key=lambda item: item.get_closest_marker("slow") is None)
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """Indices of test data sets stay out of the user's cache."""

@@ -14,6 +14,8 @@ from world_fixture import TinyRun, command, train_flags
 from shoot.metrics_file import read_metrics
 from shoot.training import PlanningModule
 
+pytestmark = pytest.mark.trains
+
 STEPS, EVERY = 6, 3
 
 

@@ -6,6 +6,8 @@ import torch
 from lss_core.bev_encoder import BevEncoder
 from lss_core.grid import CellWindow
 
+pytestmark = pytest.mark.trains
+
 
 def _encoder() -> BevEncoder:
     torch.manual_seed(0)

@@ -163,6 +163,7 @@ def test_fit_templates_as_a_stream(tiny_run: TinyRun, tmp_path: Path) -> None:
     assert f"{100 * card['inertia_given_up_at_most']:.0f} %" in said.out
 
 
+@pytest.mark.trains
 def test_run_folder_holds_what_it_promises(tiny_run: TinyRun) -> None:
     names = {path.name for path in tiny_run.folder.iterdir()}
     assert {

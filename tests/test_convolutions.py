@@ -105,6 +105,8 @@ def test_no_network_of_ours_has_a_strided_1x1_convolution_left() -> None:
 _BACKWARD = """
 import torch
 from lss_core.convolutions import suit_cpus
+
+pytestmark = pytest.mark.trains
 torch.manual_seed(0)
 net = torch.nn.Sequential(torch.nn.Conv2d({inputs}, 8, 1, stride=2, bias=False))
 suit_cpus(net)

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 import pytorch_lightning as pl
 import torch
-from world_fixture import TinyRun, command, start_beside, train_flags
+from world_fixture import TinyRun, call_command, command, start_beside, train_flags
 
 from shoot import precision
 from shoot.datamodule import PlanningData
@@ -45,8 +45,8 @@ def free_port() -> int:
     return port
 
 
-def run_in(processes: int, function: Any, run_folder: Path, out: Path) -> None:
-    """Run a function in one process, or in several as torchrun would."""
+def run_in(processes: int, function: Any, given: Any, out: Path) -> None:
+    """Run a function of something and a folder in one process, or in several as torchrun would."""
     out.mkdir()
     # The meeting place is torchrun's own, and outlives what its processes say to each other.
     store = torch.distributed.TCPStore("127.0.0.1", 0, is_master=True, wait_for_workers=False)
@@ -66,7 +66,7 @@ def run_in(processes: int, function: Any, run_folder: Path, out: Path) -> None:
         started.append(
             start_beside(
                 function,
-                run_folder,
+                given,
                 out,
                 log=out / f"log{rank}",
                 environment={name: str(value) for name, value in environment.items()}
@@ -165,12 +165,18 @@ def lone_curve(tiny_run: TinyRun, tmp_path_factory: pytest.TempPathFactory) -> l
     return train_curve("lone", tiny_run, tmp_path_factory.mktemp("lone"))
 
 
+def train_with(flags: Sequence[str], _: Path) -> None:
+    call_command("shoot-train", flags)
+
+
 def train_curve(way: str, tiny_run: TinyRun, folder: Path) -> list[dict[str, str]]:
     flags = train_flags(tiny_run.root, tiny_run.templates, folder / "run", CURVE_STEPS, 1)
     flags += ["--optim.batch-size", "4"]
     if way == "lone":
         said = command("shoot-train", *flags)
         assert said.status == 0, said.err
+    elif way == "as torchrun":
+        run_in(2, train_with, flags, folder / "logs")
     else:
         for program in run_programs(launch(way, flags)):
             assert program.returncode == 0, program.stderr
@@ -178,7 +184,15 @@ def train_curve(way: str, tiny_run: TinyRun, folder: Path) -> list[dict[str, str
         return list(csv.DictReader(stream))
 
 
-@pytest.mark.parametrize("way", ["devices", "torchrun", "two agents"])
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "way",
+    [
+        "devices",
+        "as torchrun",
+        *(pytest.param(way, marks=pytest.mark.full) for way in ("torchrun", "two agents")),
+    ],
+)
 def test_the_loss_curve_does_not_depend_on_processes(
     way: str, lone_curve: list[dict[str, str]], tiny_run: TinyRun, tmp_path: Path
 ) -> None:
@@ -228,7 +242,9 @@ def test_two_processes_leave_one_record(tiny_run: TinyRun, tmp_path: Path) -> No
             assert torch.equal(weights[name], value), name
 
 
-@pytest.mark.parametrize("sample", ["scene-0003-00", "scene-0003-01"])
+@pytest.mark.parametrize(
+    "sample", [pytest.param("scene-0003-00", marks=pytest.mark.full), "scene-0003-01"]
+)
 def test_one_sentence_for_all_processes(sample: str, tiny_run: TinyRun, tmp_path: Path) -> None:
     # The first sample is validated by the first process, the second one by the other.
     root = tmp_path / "data"

@@ -121,8 +121,12 @@ def test_without_a_compiler_it_runs_and_says_so(
     torch.testing.assert_close(scores, expected, rtol=1e-4, atol=1e-4)
 
 
-@pytest.mark.slow
-def test_evaluate_fast(tiny_run: TinyRun, tmp_path: Path) -> None:
+@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.full)])
+def test_evaluate_fast(
+    compiled: bool, tiny_run: TinyRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # As TORCHDYNAMO_DISABLE=1 has it; what compiled networks say is compared above.
+    monkeypatch.setattr(torch._dynamo.config, "disable", not compiled)
     reports = []
     for flags in ([], ["--fast"]):
         out = tmp_path / f"{len(reports)}.json"

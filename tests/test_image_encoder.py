@@ -12,6 +12,8 @@ from torch import nn
 from lss_core.errors import DataError
 from lss_core.image_encoder import ImageEncoder, create_backbone
 
+pytestmark = pytest.mark.trains
+
 
 def _encoder(backbone: str = "plain-8-12-16-20", stride: int = 16, seed: int = 0) -> ImageEncoder:
     torch.manual_seed(seed)

@@ -105,6 +105,7 @@ def test_no_points_at_all(encoder):
     assert encoder(torch.zeros(0, 5), torch.tensor([0, 0])).abs().sum() == 0
 
 
+@pytest.mark.trains
 @pytest.mark.parametrize("train", [False, True])
 def test_gradient_against_finite_differences(encoder, train):
     encoder.train(train).double()

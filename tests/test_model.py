@@ -15,6 +15,8 @@ from lss_core.grid import BevGrid
 from lss_core.model import CameraModel
 from lss_core.splat import lift_splat
 
+pytestmark = pytest.mark.trains
+
 IMAGE_HW = (64, 96)
 SMALL = ModelConfig(
     backbone="plain-8-12-16-20",

@@ -214,6 +214,7 @@ def test_gradients_are_the_finite_differences(interpolation: Interpolation) -> N
     assert planner.off_grid_cost.grad.item() == pytest.approx(slope.item(), abs=2e-4)
 
 
+@pytest.mark.trains
 def test_going_down_the_gradient_makes_the_driven_road_cheap() -> None:
     templates = torch.tensor([[[0.5, 0.5], [1.5, 0.5]], [[0.5, -0.5], [1.5, -0.5]]])
     cost = torch.zeros(1, 4, 4, requires_grad=True)

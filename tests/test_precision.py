@@ -6,6 +6,8 @@ from shoot import precision, training
 from shoot.precision import fastest_precision
 from shoot.run_folder import RunFolder
 
+pytestmark = pytest.mark.trains
+
 
 def machine(monkeypatch: pytest.MonkeyPatch, bfloat16_s: float) -> None:
     """One that takes 1 s in float32."""

@@ -59,6 +59,7 @@ def undisturbed(tiny_run: TinyRun, tmp_path_factory: pytest.TempPathFactory) -> 
     return folder
 
 
+@pytest.mark.trains
 @pytest.mark.parametrize("num_workers", [0, 1])
 def test_killed_run_ends_as_an_undisturbed_one(
     num_workers: int, tiny_run: TinyRun, undisturbed: Path, tmp_path: Path

@@ -14,6 +14,7 @@ import shutil
 import sys
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -157,6 +158,16 @@ def start_beside(
     process = _SERVER.Process(target=_beside, args=(function, arguments, log, given))
     process.start()
     return process
+
+
+def result_beside(function: Callable[..., Any], *arguments: Any) -> Any:
+    """What a function of a test module returns in another process.
+
+    Types are not checked there and lines not counted, which makes what simulates long several times
+    faster.
+    """
+    with ProcessPoolExecutor(1, mp_context=_SERVER) as others:
+        return others.submit(function, *arguments).result()
 
 
 def start_command(name: str, *arguments: object, log: Path) -> BaseProcess:

@@ -1,13 +1,15 @@
-"""Faults come in a short form every day, and in full where `-m full` asks for it."""
+"""What scripts/reliability.py counts is told from the other tests by its folder."""
+
+from pathlib import Path
 
 import pytest
 
+HERE = Path(__file__).parent
 
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave the full forms out unless they are asked for by name."""
-    if "full" in config.getoption("-m"):
-        return
-    left_out = [item for item in items if item.get_closest_marker("full")]
-    if left_out:
-        config.hook.pytest_deselected(items=left_out)
-        items[:] = [item for item in items if not item.get_closest_marker("full")]
+
+@pytest.hookimpl(tryfirst=True)  # before -m is looked at
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark all tests of this folder."""
+    for item in items:
+        if HERE in item.path.parents:
+            item.add_marker("faults")

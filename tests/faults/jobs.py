@@ -1,9 +1,11 @@
 """The four commands whose work must survive anything, as small as they can be."""
 
-import os
-from dataclasses import replace
+import hashlib
+import json
+from dataclasses import asdict, replace
 from pathlib import Path
 
+from filelock import FileLock
 from killing import Job, Undisturbed, make_undisturbed
 from world_fixture import TRAIN_RIDES, VAL_RIDES, TinyRun, train_flags, write_rides
 
@@ -50,13 +52,13 @@ def make_job(name: str, data: TinyRun, folder: Path, workers: int = 0, fresh: bo
     return Job(name, tuple(map(str, arguments)), folder, older, fresh)
 
 
-_made: dict[tuple[str, ...], Undisturbed] = {}
-
-
 def undisturbed(job: Job, data: TinyRun) -> Undisturbed:
-    """What comes of a job that is left alone; found out once a session."""
-    key = (*job.arguments, str(job.in_fresh_python))
-    if key not in _made:
-        folder = data.folder.parent / f"undisturbed-{os.getpid()}-{len(_made)}"
-        _made[key] = make_undisturbed(replace(job, folder=folder / "work"), folder / "result")
-    return _made[key]
+    """What comes of a job that is left alone; found out once a session for all workers."""
+    key = repr((job.name, job.arguments, job.in_fresh_python))
+    folder = data.folder.parent / f"undisturbed-{hashlib.sha256(key.encode()).hexdigest()[:16]}"
+    done = folder.with_suffix(".json")
+    with FileLock(folder.with_suffix(".lock")):
+        if not done.exists():
+            made = make_undisturbed(replace(job, folder=folder / "work"), folder / "result")
+            done.write_text(json.dumps(asdict(made) | {"folder": None}))
+    return Undisturbed(**json.loads(done.read_text()) | {"folder": folder / "result"})

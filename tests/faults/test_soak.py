@@ -83,7 +83,7 @@ def check_flat(loads: list[Load], figures: dict[str, str]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("steps", "every"), [(300, 50), pytest.param(10_000, 500, marks=pytest.mark.full)]
+    ("steps", "every"), [(160, 20), pytest.param(10_000, 500, marks=pytest.mark.full)]
 )
 def test_training(steps: int, every: int, tiny_run: TinyRun, tmp_path: Path) -> None:
     flags = train_flags(tiny_run.root, tiny_run.templates, tmp_path / "run", steps, every)
@@ -111,7 +111,7 @@ def evaluate_often(run: str, times: int, out: str) -> None:
             rows.writerow([load.memory_mb, load.files, load.processes])
 
 
-@pytest.mark.parametrize("times", [24, pytest.param(2_000, marks=pytest.mark.full)])
+@pytest.mark.parametrize("times", [12, pytest.param(2_000, marks=pytest.mark.full)])
 def test_evaluations(times: int, tiny_run: TinyRun, tmp_path: Path) -> None:
     with throw("evaluations, in one process", FLAT, times=times) as figures:
         process = start_beside(

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from world_fixture import result_beside
 
 from shoot.world.approaches import EGO_PARTS_M, Approach, find_approaches, way_ahead
 from shoot.world.curves import arc_lengths
@@ -14,10 +15,17 @@ from shoot.world.traffic import STEP_S
 DURATION_S = 12.0
 # Seed of town and scene, and what came of it.
 Scene = tuple[int, Town, Recording, tuple[Approach, ...]]
+# [ways, 4] what is to be seen on each arm, and which one was taken.
+Arms = tuple[FloatArray, int]
 
 
 @pytest.fixture(scope="module")
 def scenes() -> list[Scene]:
+    found: list[Scene] = result_beside(_first_scenes)
+    return found
+
+
+def _first_scenes() -> list[Scene]:
     """The first few scenes, as many as it takes to see the ego cross two intersections."""
     found = []
     num_driven = 0
@@ -138,16 +146,13 @@ def _inbound_beside(town: Town, target: Lane, intersection: int | None) -> Lane 
     return inbound[int(np.argmin(gaps_m))] if inbound else None
 
 
-@pytest.mark.slow
-def test_arms_look_alike_whichever_is_taken() -> None:
-    """Lights, their colours, vehicles and people on an arm say nothing about who goes there.
+def _arms_and_taken(num_scenes: int) -> list[Arms]:
+    """Every car stands in for the ego, which is one of them.
 
-    Every car stands in for the ego, which is one of them: those that are too far from their
-    intersection to have asked for their way yet. Which way they take is drawn anew to learn what
-    chance does; a rule that favoured the way taken would lie outside.
+    That is: those that are too far from their intersection to have asked for their way yet.
     """
-    rows: list[tuple[FloatArray, int]] = []
-    for number in range(30):
+    rows: list[Arms] = []
+    for number in range(num_scenes):
         town = make_town(100 + number // 3)
         plan, cars, walkers = simulate(town, np.random.default_rng(number), 0.5)
         states = plan.states(0.0)
@@ -178,7 +183,19 @@ def test_arms_look_alike_whichever_is_taken() -> None:
                      _count_near(people_xy, near[:12], 12.0)]
                 )  # fmt: skip
             rows.append((np.array(values), lane.successors.index(car.route.lanes[place + 1])))
-    assert len(rows) > 100
+    return rows
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("num_scenes", [12, pytest.param(30, marks=pytest.mark.full)])
+def test_arms_look_alike_whichever_is_taken(num_scenes: int) -> None:
+    """Lights, their colours, vehicles and people on an arm say nothing about who goes there.
+
+    Which way they take is drawn anew to learn what chance does; a rule that favoured the way taken
+    would lie outside.
+    """
+    rows: list[Arms] = result_beside(_arms_and_taken, num_scenes)
+    assert len(rows) > 4 * num_scenes
     rng = np.random.default_rng(0)
     found = _excess([taken for _, taken in rows], rows)
     drawn = np.array(
@@ -190,7 +207,7 @@ def test_arms_look_alike_whichever_is_taken() -> None:
     assert (drawn.std(axis=0)[1:] > 0.0).all()
 
 
-def _excess(chosen: list[int], rows: list[tuple[FloatArray, int]]) -> FloatArray:
+def _excess(chosen: list[int], rows: list[Arms]) -> FloatArray:
     """[4] sum over approaches of what the chosen arm has more than the arms have on average."""
     return np.sum([v[i] - v.mean(axis=0) for i, (v, _) in zip(chosen, rows, strict=True)], axis=0)
 

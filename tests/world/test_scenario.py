@@ -3,6 +3,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import shapely
+from world_fixture import result_beside
 
 from shoot.world.recording import GREEN, RED, Recording
 from shoot.world.roads import make_town
@@ -15,6 +16,11 @@ EGO_LENGTH_M, EGO_WIDTH_M, EGO_REAR_M = 4.1, 1.85, 1.0
 
 @pytest.fixture(scope="module")
 def scenes() -> list[tuple[Town, Recording]]:
+    made: list[tuple[Town, Recording]] = result_beside(_make_scenes)
+    return made
+
+
+def _make_scenes() -> list[tuple[Town, Recording]]:
     towns = [make_town(seed) for seed in range(NUM_SCENES)]
     return [(town, make_scenario(town, seed)) for seed, town in enumerate(towns)]
 

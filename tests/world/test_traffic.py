@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from world_fixture import result_beside
 
 from shoot.world.curves import arc_lengths
 from shoot.world.driver import (
@@ -26,6 +27,11 @@ def town() -> Town:
 
 @pytest.fixture(scope="module")
 def runs() -> list[tuple[Town, list[Car]]]:
+    driven: list[tuple[Town, list[Car]]] = result_beside(_drive)
+    return driven
+
+
+def _drive() -> list[tuple[Town, list[Car]]]:
     towns = [make_town(seed) for seed in (1, 2, 3)]
     return [
         (town, simulate(town, np.random.default_rng(seed), duration_s=25.0)[1])
