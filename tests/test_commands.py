@@ -19,6 +19,9 @@ from world_fixture import (
 )
 
 from shoot.cli import demo
+from shoot.config import TrainConfig
+from shoot.prediction import open_run
+from shoot.training_motion import TrainingMotion
 from shoot.templates import TemplateSet
 
 NUM_VAL = NUM_VAL_SCENES * SAMPLES_A_SCENE
@@ -202,28 +205,47 @@ def test_last_round_may_be_shorter_and_counts(tiny_run: TinyRun, tmp_path: Path)
 
 
 @pytest.mark.slow
-def test_demo_ends_with_table_and_picture_and_reuses_all(
+def test_demo_shows_the_shipped_planner_then_trains_beside_it_and_reuses_all(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     arguments = ["shoot-demo", "--out", str(tmp_path / "demo"), "--train-scenes", "2"]
-    arguments += ["--val-scenes", "1", "--k", "30", "--steps", "3", "--image-scale", "0.05"]
-    monkeypatch.setattr("sys.argv", [*arguments, "--workers", "1"])
+    arguments += ["--val-scenes", "1", "--first-scenes", "1", "--k", "30", "--steps", "3"]
+    monkeypatch.setattr("sys.argv", [*arguments, "--image-scale", "0.05", "--workers", "1"])
     demo.main()
     printed = capsys.readouterr().out
-    assert "Split 'val':" in printed
+    assert printed.count("Split 'val':") == 2
     out = tmp_path / "demo"
-    assert printed.strip().endswith(f"Picture: {out / 'planned.png'}")
-    assert Image.open(out / "planned.png").size[0] > 500
+    first, second = (json.loads((out / f"{n}.json").read_text()) for n in ("shipped", "trained"))
+    # The shipped planner first, then both: the town is the same one.
+    shipped = first["methods"]["model"]
+    assert second["methods"]["shipped_planner"] == shipped
+    assert second["methods"]["model"]["nll"]["value"] > shipped["nll"]["value"]
+    assert second["differences"]["shipped_planner"]["nll"]["value"] > 0.0
+    for name in ("shipped", "trained"):
+        assert f"Picture: {out / name}.png" in printed
+        assert Image.open(out / f"{name}.png").size[0] > 500
     made = {
         path: path.stat().st_mtime_ns
-        for path in [*(out / "world").rglob("*"), *out.glob("templates.*")]
+        for folder in (out / "towns", out / "world")
+        for path in [*folder.rglob("*"), *out.glob("templates.*")]
         if path.is_file()
     }
     checkpoint = torch.load(out / "run" / "checkpoints" / "last.ckpt", weights_only=True)
-    report = json.loads((out / "report.json").read_text())
     demo.main()
-    assert "Split 'val':" in capsys.readouterr().out
+    assert capsys.readouterr().out.count("Split 'val':") == 2
     assert made == {path: path.stat().st_mtime_ns for path in made}
     again = torch.load(out / "run" / "checkpoints" / "last.ckpt", weights_only=True)
     assert again["global_step"] == checkpoint["global_step"] == 3
-    assert json.loads((out / "report.json").read_text()) == report
+    assert json.loads((out / "trained.json").read_text()) == second
+
+
+def test_the_shipped_planner_is_whole_and_its_own_templates_are_its_labels() -> None:
+    folder = demo.shipped_run()
+    trained = open_run(folder)
+    known = TrainingMotion.load(trained.folder.motion_file, trained.templates)
+    assert len(known.labels) > 20_000
+    assert set(trained.templates.scene_tokens) == set(known.scene_token.tolist())
+    assert not Path(TrainConfig.load(folder / "config.yaml").data.root).is_absolute()
+    card = (folder / "README.md").read_text()
+    assert f"{trained.config.optim.steps:,} steps" in card
+    assert "**Limits.**" in card

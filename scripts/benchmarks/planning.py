@@ -23,7 +23,7 @@ from shoot.training import PlanningModule
 
 BATCH_SIZE = 4
 CONFIG: TrainConfig = replace(PAPER, model=paper_size.MODEL)
-TEMPLATES = Path(__file__).parents[2] / "templates" / "synthetic-1000.npz"
+TEMPLATES = Path(__file__).parents[2] / "templates" / "synthetic-1000" / "templates.npz"
 
 
 def new_module() -> PlanningModule:
