@@ -21,8 +21,8 @@ from world_fixture import (
 from shoot.cli import demo
 from shoot.config import TrainConfig
 from shoot.prediction import open_run
-from shoot.training_motion import TrainingMotion
 from shoot.templates import TemplateSet
+from shoot.training_motion import TrainingMotion
 
 NUM_VAL = NUM_VAL_SCENES * SAMPLES_A_SCENE
 
