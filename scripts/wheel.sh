@@ -14,6 +14,6 @@ trap 'rm -rf "$folder"' EXIT
 git archive HEAD | tar -x -C "$folder" --one-top-level=source
 "$folder/venv/bin/pip" wheel --quiet --no-deps --wheel-dir "$folder" "$folder/source"
 "$folder/venv/bin/pip" install --quiet "$folder"/shoot-*.whl
-[ $# -gt 0 ] || set -- --train-scenes 4 --val-scenes 2 --k 50 --steps 20 --image-scale 0.11
+[ $# -gt 0 ] || set -- --first-scenes 2 --train-scenes 4 --val-scenes 2 --k 50 --steps 20 --image-scale 0.11
 cd "$folder"
 PATH="$folder/venv/bin:$PATH" shoot-demo --out demo "$@"
