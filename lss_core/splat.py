@@ -19,7 +19,7 @@ from torch.autograd.function import once_differentiable
 from lss_core.grid import BevGrid
 
 # A bag of points outside the grid; short, as a GPU sums a bag's points one after the other.
-_SPARE_BAG = 64
+_SPARE_BAG = 256
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,8 @@ class SplatIndex:
 
     Attributes:
         num_samples: B.
-        cell_of: The cell (X outer) of each pixel at each depth; -1 outside the grid.
+        cell_of: The cell (X outer) of each pixel at each depth; without meaning outside the grid.
+        inside: Whether it lies in a cell.
         point_idx: All points, as places in `cell_of`, sorted by cell; those outside the grid last.
         bag_starts: First of each cell's points in `point_idx`; an empty cell starts where the next
             one does. Then R more, which cut what lies outside the grid into short bags that nobody
@@ -40,13 +41,15 @@ class SplatIndex:
 
     num_samples: int
     cell_of: Int[Tensor, "BNHW D"]
+    inside: Bool[Tensor, "BNHW D"]
     point_idx: Int[Tensor, "P"]
     bag_starts: Int[Tensor, "Q"]
 
     @property
     def num_bytes(self) -> int:
         """Memory held."""
-        return sum(t.nbytes for t in (self.cell_of, self.point_idx, self.bag_starts))
+        tensors = (self.cell_of, self.inside, self.point_idx, self.bag_starts)
+        return sum(tensor.nbytes for tensor in tensors)
 
 
 @torch.no_grad()
@@ -78,8 +81,8 @@ def build_splat_index(
     sample = torch.arange(num_samples, device=cells.device)[:, None, None, None, None]
     # int32 halves the memory of the cache and of the bag's reads.
     cell_idx = ((sample * grid.num_x + cells[..., 0]) * grid.num_y + cells[..., 1]).int()
-    cell_idx = torch.where(kept, cell_idx, -1).permute(0, 1, 3, 4, 2).contiguous()
-    bag = torch.where(cell_idx < 0, num_cells, cell_idx).flatten()
+    cell_of, inside = (t.permute(0, 1, 3, 4, 2).flatten(0, 3) for t in (cell_idx, kept))
+    bag = torch.where(inside, cell_of, num_cells).flatten()
     counts = torch.zeros(num_cells + 1, dtype=torch.int32, device=bag.device)
     counts.scatter_add_(0, bag.long(), torch.ones_like(bag))
     starts = counts.cumsum(0, dtype=torch.int32) - counts
@@ -87,7 +90,8 @@ def build_splat_index(
     spare_starts = (starts[num_cells:] + _SPARE_BAG * spare).clamp(max=len(bag))
     return SplatIndex(
         num_samples=num_samples,
-        cell_of=cell_idx.flatten(0, 3),
+        cell_of=cell_of.contiguous(),
+        inside=inside.contiguous(),
         point_idx=torch.sort(bag, stable=True).indices.int(),
         bag_starts=torch.cat([starts[:num_cells], spare_starts]),
     )
@@ -156,19 +160,16 @@ class _SumIntoCells(torch.autograd.Function):
     ) -> tuple[Float[Tensor, "BNHW C"], Float[Tensor, "BNHW D"], None, None]:
         """Each pixel collects from the cells of its depths; the weights are the same."""
         rows, weights = ctx.saved_tensors
-        outside = ctx.index.cell_of < 0
+        cell_of, inside = ctx.index.cell_of, ctx.index.inside
         with torch.enable_grad():
-            inside = weights.masked_fill(outside, 0.0).requires_grad_()
+            own = torch.where(inside, weights, 0.0).requires_grad_()
             collected = F.embedding_bag(
-                ctx.index.cell_of.clamp(min=0),
-                grads[0].contiguous(),
-                mode="sum",
-                per_sample_weights=inside,
+                cell_of, grads[0].contiguous(), mode="sum", per_sample_weights=own
             )
         # A weight's gradient is the product of its pixel's row and its cell's gradient: what the
         # weight of this second bag gets when the rows come back to it as gradients.
-        (grad,) = torch.autograd.grad(collected, inside, rows)
-        return collected.detach(), grad.masked_fill(outside, 0.0), None, None
+        (grad,) = torch.autograd.grad(collected, own, rows)
+        return collected.detach(), grad.masked_fill_(~inside, 0.0), None, None
 
 
 def lift_splat(

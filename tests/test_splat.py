@@ -167,19 +167,19 @@ def test_points_of_a_cell_keep_their_order() -> None:
 
 
 def test_what_lies_outside_is_cut_into_short_bags() -> None:
-    points = torch.zeros(2, 1, 1, 1, 300, 3)
+    points = torch.zeros(2, 1, 1, 1, 600, 3)
     points[..., 100:, 0] = 1000.0
     starts = build_splat_index(points, GRID).bag_starts[2 * 16 * 8 :]
-    lengths = torch.cat([starts, torch.tensor([600])]).diff()
+    lengths = torch.cat([starts, torch.tensor([1200])]).diff()
     assert int(starts[0]) == 200
-    assert int(lengths.sum()) == 400
-    assert int(lengths.max()) <= 64
+    assert int(lengths.sum()) == 1000
+    assert int(lengths.max()) <= 256
 
 
 def test_no_size_of_an_index_depends_on_where_points_lie() -> None:
     points = _inputs(2, 3)[2]
     shapes = [
-        [t.shape for t in (index.cell_of, index.point_idx, index.bag_starts)]
+        [t.shape for t in (index.cell_of, index.inside, index.point_idx, index.bag_starts)]
         for index in (build_splat_index(p, GRID) for p in (points, points + 1.0, points + 1000.0))
     ]
     assert shapes[0] == shapes[1] == shapes[2]
