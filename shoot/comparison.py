@@ -10,6 +10,7 @@ from jaxtyping import Float
 from numpy.typing import NDArray
 
 from shoot.baselines import (
+    along_heading,
     constant_velocity_futures,
     constant_yaw_rate_futures,
     driving_on_log_prob,
@@ -155,8 +156,9 @@ def baseline_log_probs(
 
     Returns:
         `prior`, `standing_still` and `blind` [K], the same for all samples. [S, K], and knowing
-        what cameras do not show: `speed_prior` the speed, `constant_velocity` also its direction,
-        `constant_yaw_rate` also the rate of turning, `past_motion` the last two seconds.
+        what cameras do not show: `speed_prior` the speed, `constant_velocity` also its sign,
+        `constant_yaw_rate` also the rate of turning, both again `_with_prior`, and `past_motion`
+        the last two seconds.
     """
     points, past, labels = templates.points, train.past, train.labels
     log_prior = fit_prior(labels, past.scene, len(points))
@@ -164,9 +166,10 @@ def baseline_log_probs(
     speed_prior = fit_speed_prior(_speed_mps(past), known, labels, past.scene, len(points))
     blind_planner = Planner(torch.from_numpy(points), planner.grid, planner.config)
 
-    def driving_on(paths: Callable[[Futures], Array]) -> Array:
+    def driving_on(paths: Callable[[Futures], Array], with_prior: bool = False) -> Array:
+        asked = paths(split.futures)
         return driving_on_log_prob(
-            paths(past), known, labels, paths(split.futures), split_known, points, log_prior
+            paths(past), known, labels, asked, split_known, points, log_prior, with_prior
         )
 
     return {
@@ -174,7 +177,9 @@ def baseline_log_probs(
         "speed_prior": speed_prior.of(_speed_mps(split.futures), split_known),
         "standing_still": standing_still_log_prob(points, labels),
         "constant_velocity": driving_on(_constant_velocity),
+        "constant_velocity_with_prior": driving_on(_constant_velocity, with_prior=True),
         "constant_yaw_rate": driving_on(_constant_yaw_rate),
+        "constant_yaw_rate_with_prior": driving_on(_constant_yaw_rate, with_prior=True),
         "past_motion": fit_past_motion(past, labels, points).log_prob(split.futures),
         "blind": fit_blind(blind_planner, labels, past.scene).log_prob,
     }
@@ -191,8 +196,9 @@ def _speed_mps(futures: Futures) -> Array:
 
 
 def _constant_velocity(futures: Futures) -> Array:
-    return constant_velocity_futures(futures.velocity_mps)
+    return constant_velocity_futures(along_heading(futures.velocity_mps))
 
 
 def _constant_yaw_rate(futures: Futures) -> Array:
-    return constant_yaw_rate_futures(futures.velocity_mps, futures.yaw_rate_radps)
+    velocity_mps = along_heading(futures.velocity_mps)
+    return constant_yaw_rate_futures(velocity_mps, futures.yaw_rate_radps)

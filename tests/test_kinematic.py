@@ -3,10 +3,12 @@ import pytest
 from scipy.special import log_softmax
 
 from shoot.baselines.kinematic import (
+    Spread,
+    along_heading,
     constant_velocity_futures,
     constant_yaw_rate_futures,
     driving_on_log_prob,
-    fit_sigma,
+    fit_spread,
     future_log_prob,
     squared_distances,
     standing_still_log_prob,
@@ -41,6 +43,25 @@ class TestFutures:
         futures = constant_yaw_rate_futures(velocity[None], np.array([rate]))
         np.testing.assert_allclose(futures[0, -1], end, atol=1e-6)
 
+    def test_in_a_bend_the_velocity_of_now_is_along_the_heading_of_now(self):
+        # A circle to the left, 10 m of radius, at 5 m/s: 0.5 rad/s. Over the last half second the
+        # ego moved along a chord, which in its frame of now points an eighth of a radian right.
+        speed, rate = 5.0 * np.sinc(0.125 / np.pi), 0.5
+        mean = np.array([[speed * np.cos(0.125), -speed * np.sin(0.125)]])
+        now = along_heading(mean)
+        np.testing.assert_allclose(now, [[speed, 0.0]], atol=1e-12)
+        angle = rate * 0.25 * np.arange(1, 21)
+        circle = 10.0 * np.stack([np.sin(angle), 1.0 - np.cos(angle)], axis=-1)
+        futures = constant_yaw_rate_futures(now, np.array([rate]))[0]
+        lagging = constant_yaw_rate_futures(mean, np.array([rate]))[0]
+        assert np.abs(futures - circle).max() < 0.06  # the chord is a 400th shorter
+        assert np.abs(lagging - circle).max() > 1.0
+
+    def test_backing_and_standing_by_hand(self):
+        velocity = np.array([[-3.0, 4.0], [0.0, 0.0], [-0.6, -0.8], [1.2, -0.5]])
+        expected = [[-5.0, 0.0], [0.0, 0.0], [-1.0, 0.0], [1.3, 0.0]]
+        np.testing.assert_allclose(along_heading(velocity), expected)
+
     def test_a_tiny_rate_joins_the_straight_line(self):
         velocity = np.array([[7.0, 0.5]])
         nearly = constant_yaw_rate_futures(velocity, np.array([1e-9]))
@@ -60,37 +81,54 @@ class TestFutureLogProb:
 
     def test_by_hand(self):
         templates = np.array([[[0.0, 0.0]], [[3.0, 4.0]]])
-        log_prob = future_log_prob(np.zeros((1, 1, 2)), templates, sigma_m=5.0)
+        log_prob = future_log_prob(np.zeros((1, 1, 2)), templates, Spread(5.0, 1.0))
         odds = np.exp(-25.0 / 50.0)
         np.testing.assert_allclose(np.exp(log_prob), [[1 / (1 + odds), odds / (1 + odds)]])
 
-    def test_wide_sigma_leaves_the_prior(self):
+    def test_the_same_distance_says_more_the_earlier_it_is(self):
+        # 1 m off at the first, second or fourth of four points; sigma 0.5 m, 1 m, 1.5 m and 2 m.
+        templates = np.zeros((4, 4, 2))
+        templates[[1, 2, 3], [0, 1, 3], [0, 1, 0]] = 1.0
+        spread = Spread(last_m=2.0, growth=1.0)
+        np.testing.assert_allclose(spread.sigma_m(4), [0.5, 1.0, 1.5, 2.0])
+        log_prob = future_log_prob(np.zeros((1, 4, 2)), templates, spread)[0]
+        np.testing.assert_allclose(log_prob[1:] - log_prob[0], [-2.0, -0.5, -0.125])
+        alike = future_log_prob(np.zeros((1, 4, 2)), templates, Spread(2.0, 0.0))[0]
+        np.testing.assert_allclose(alike[1:] - alike[0], [-0.125] * 3)
+
+    def test_wide_spread_leaves_the_prior(self):
         prior = np.log([0.7, 0.2, 0.1])
         templates = np.random.default_rng(2).normal(size=(3, 20, 2))
-        log_prob = future_log_prob(np.zeros((2, 20, 2)), templates, 1e6, prior)
+        log_prob = future_log_prob(np.zeros((2, 20, 2)), templates, Spread(1e6, 1.0), prior)
         np.testing.assert_allclose(log_prob, [prior, prior], atol=1e-6)
 
     @pytest.mark.parametrize("with_prior", [False, True])
-    def test_fitted_sigma_beats_a_grid_and_finds_the_truth(self, with_prior):
+    def test_fitted_spread_beats_a_grid_and_finds_the_truth(self, with_prior):
         generator = np.random.default_rng(3)
         templates = generator.uniform(-5.0, 5.0, (60, 4, 2))
         futures = generator.uniform(-5.0, 5.0, (5000, 4, 2))
         prior = log_softmax(generator.normal(size=60)) if with_prior else None
-        # Draw the labels from the model itself (Gumbel noise), with sigma 2.
-        log_prob = future_log_prob(futures, templates, 2.0, prior)
+        # Draw the labels from the model itself (Gumbel noise), with sigma 1 m to 4 m.
+        log_prob = future_log_prob(futures, templates, Spread(4.0, 1.0), prior)
         labels = (log_prob + generator.gumbel(size=log_prob.shape)).argmax(1)
-        sigma_m = fit_sigma(futures, templates, labels, prior)
-        assert sigma_m == pytest.approx(2.0, rel=0.05)
+        spread = fit_spread(futures, templates, labels, prior)
+        assert spread.last_m == pytest.approx(4.0, rel=0.15)
+        assert spread.growth == pytest.approx(1.0, abs=0.15)
 
-        def nll(sigma):
-            log_prob = future_log_prob(futures[::2], templates, sigma, prior)
-            return -log_prob[np.arange(2500), labels[::2]].mean()  # as fit_sigma thins 5000
+        def nll(last_m, growth):
+            asked = Spread(last_m, growth)
+            log_prob = future_log_prob(futures[::5], templates, asked, prior)
+            return -log_prob[np.arange(1000), labels[::5]].mean()  # as fit_spread thins 5000
 
-        assert nll(sigma_m) <= min(nll(sigma_m * factor) for factor in (0.9, 0.99, 1.01, 1.1))
+        least = nll(spread.last_m, spread.growth)
+        for factor in (0.9, 0.99, 1.01, 1.1):
+            assert least <= nll(spread.last_m * factor, spread.growth)
+            assert least <= nll(spread.last_m, spread.growth * factor)
+        assert least < nll(2.0, 0.0) - 0.05
 
     def test_no_samples_are_refused(self):
         with pytest.raises(ValueError, match="at least one training sample"):
-            fit_sigma(np.zeros((0, 20, 2)), np.zeros((3, 20, 2)), np.zeros(0, dtype=int))
+            fit_spread(np.zeros((0, 20, 2)), np.zeros((3, 20, 2)), np.zeros(0, dtype=int))
 
 
 class TestStandingStill:
@@ -102,7 +140,7 @@ class TestStandingStill:
         assert log_prob.argsort()[::-1].tolist() == [1, 2, 0]
         assert np.exp(log_prob).sum() == pytest.approx(1.0)
 
-    def test_sigma_makes_the_mean_squared_distance_that_of_the_labels(self):
+    def test_spread_makes_the_mean_squared_distance_that_of_the_labels(self):
         # Where the NLL is smallest, expected and driven distance agree: (0 + 0 + 9 + 36) / 4.
         log_prob = standing_still_log_prob(self.templates, np.array([1, 1, 2, 0]))
         assert np.exp(log_prob) @ [36.0, 0.0, 9.0] == pytest.approx(45.0 / 4.0, abs=1e-2)
@@ -126,21 +164,37 @@ class TestDrivingOn:
             self.paths, everywhere, self.labels, self.paths[:9], everywhere[:9], self.templates,
             self.prior,
         )  # fmt: skip
-        sigma_m = fit_sigma(self.paths, self.templates, self.labels)
-        expected = future_log_prob(self.paths[:9], self.templates, sigma_m)
+        spread = fit_spread(self.paths, self.templates, self.labels)
+        expected = future_log_prob(self.paths[:9], self.templates, spread)
         np.testing.assert_allclose(log_prob, expected)
 
-    def test_elsewhere_it_is_the_prior_and_sigma_does_not_suffer(self):
+    def test_with_the_prior_it_weighs_templates_where_motion_is_known_too(self):
+        # Labels that follow the prior alone: it must not be lost beside the paths.
+        generator = np.random.default_rng(5)
+        labels = (self.prior + generator.gumbel(size=(200, 30))).argmax(1)
+        told = {
+            with_prior: driving_on_log_prob(
+                self.paths, self.known, labels, self.paths, self.known, self.templates, self.prior,
+                with_prior,
+            )
+            for with_prior in (False, True)
+        }  # fmt: skip
+        nll = {key: -rows[np.arange(200), labels].mean() for key, rows in told.items()}
+        assert nll[True] == pytest.approx(-self.prior[labels].mean(), abs=0.02)
+        assert nll[True] < nll[False] - 0.1
+        np.testing.assert_array_equal(told[True][~self.known], told[False][~self.known])
+
+    def test_elsewhere_it_is_the_prior_and_the_spread_does_not_suffer(self):
         # Where nothing is known the path is 0, which says nothing of the label.
         paths = np.where(self.known[:, None, None], self.paths, 0.0)
         told = driving_on_log_prob(
             paths, self.known, self.labels, paths, self.known, self.templates, self.prior
         )
         np.testing.assert_array_equal(told[~self.known], np.tile(self.prior, (50, 1)))
-        sigma_m = fit_sigma(self.paths[self.known], self.templates, self.labels[self.known])
-        expected = future_log_prob(self.paths[self.known], self.templates, sigma_m)
+        spread = fit_spread(self.paths[self.known], self.templates, self.labels[self.known])
+        expected = future_log_prob(self.paths[self.known], self.templates, spread)
         np.testing.assert_allclose(told[self.known], expected)
-        assert fit_sigma(paths, self.templates, self.labels) > 1.2 * sigma_m
+        assert fit_spread(paths, self.templates, self.labels).last_m > 1.2 * spread.last_m
 
     def test_known_nowhere_in_training_leaves_the_prior(self):
         nowhere = np.zeros(200, dtype=bool)

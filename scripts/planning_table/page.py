@@ -22,7 +22,9 @@ _BASELINES = {
     "standing_still": "standing still",
     "speed_prior": "prior per speed *",
     "constant_velocity": "constant velocity *",
+    "constant_velocity_with_prior": "constant velocity, with prior *",
     "constant_yaw_rate": "constant yaw rate *",
+    "constant_yaw_rate_with_prior": "constant yaw rate, with prior *",
     "past_motion": "past motion (MLP) *",
 }
 _FURTHER = {

@@ -3,10 +3,12 @@
 from shoot.baselines.blind import BlindFit, fit_blind
 from shoot.baselines.folds import scene_folds
 from shoot.baselines.kinematic import (
+    Spread,
+    along_heading,
     constant_velocity_futures,
     constant_yaw_rate_futures,
     driving_on_log_prob,
-    fit_sigma,
+    fit_spread,
     future_log_prob,
     standing_still_log_prob,
 )
@@ -18,14 +20,16 @@ __all__ = [
     "BlindFit",
     "PastMotionFit",
     "SpeedPrior",
+    "Spread",
+    "along_heading",
     "constant_velocity_futures",
     "constant_yaw_rate_futures",
     "driving_on_log_prob",
     "fit_blind",
     "fit_past_motion",
     "fit_prior",
-    "fit_sigma",
     "fit_speed_prior",
+    "fit_spread",
     "future_log_prob",
     "prior_log_prob",
     "scene_folds",

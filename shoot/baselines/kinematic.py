@@ -1,16 +1,51 @@
 """Driving on as before, or not at all: predicted paths, and what they say of templates."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.optimize import minimize_scalar
+from scipy.optimize import minimize
 from scipy.special import logsumexp
 
 Array = np.ndarray[Any, np.dtype[Any]]
 
-# Enough to fit one number; bounds the memory of the S x K distances at K = 1000 to 32 MB.
-_SIGMA_SAMPLES = 4096
+# Enough to fit two numbers; bounds the memory of the S x K distances at K = 1000 to 8 MB.
+_SPREAD_SAMPLES = 1024
+# Of the logarithm of the last point's sigma in metres, and of the power of time.
+_SPREAD_BOUNDS = ((np.log(1e-2), np.log(1e3)), (0.0, 3.0))
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How far driven paths stray from predicted ones: further the later it is.
+
+    Attributes:
+        last_m: Standard deviation of x and of y at the last point, in metres.
+        growth: It grows with time to this power; 0: it is the same at all points.
+    """
+
+    last_m: float
+    growth: float
+
+    def sigma_m(self, num_points: int) -> Float[Array, " T"]:
+        """Standard deviation of x and of y at each of evenly spaced points, in metres."""
+        sigma_m: Array = self.last_m * (np.arange(1, num_points + 1) / num_points) ** self.growth
+        return sigma_m
+
+
+def along_heading(velocity_mps: Float[Array, "S 2"]) -> Float[Array, "S 2"]:
+    """The velocity turned to where the ego heads now, the x axis of `ego`; backwards if it backs.
+
+    A velocity measured over a past while points to where the ego headed in the middle of it: in a
+    bend it lags behind.
+
+    Args:
+        velocity_mps: Mean velocity over the time just past, in `ego` now.
+    """
+    speed_mps = np.copysign(np.linalg.norm(velocity_mps, axis=1), velocity_mps[:, 0])
+    turned_mps: Array = np.stack([speed_mps, np.zeros_like(speed_mps)], axis=-1)
+    return turned_mps
 
 
 def constant_yaw_rate_futures(
@@ -61,54 +96,56 @@ def constant_velocity_futures(
 def squared_distances(
     futures: Float[Array, "S T 2"], templates: Float[Array, "K T 2"]
 ) -> Float[Array, "S K"]:
-    """Squared L2 distance over the 2 T numbers, in square metres.
+    """Squared L2 distance over the 2 T numbers, in the square of their unit.
 
     Args:
-        futures: Paths in metres in `ego`.
-        templates: Templates in metres in `ego`.
+        futures: Paths in `ego`.
+        templates: Templates in `ego`, in the same unit.
     """
     paths = futures.reshape(len(futures), -1).astype(np.float64)
     banks = templates.reshape(len(templates), -1).astype(np.float64)
     # |a - b|^2 multiplied out: S x K x 2T differences would not fit in memory.
-    squared_m2 = (paths**2).sum(1)[:, None] + (banks**2).sum(1) - 2.0 * (paths @ banks.T)
-    nonnegative_m2: Array = np.maximum(squared_m2, 0.0)
-    return nonnegative_m2
+    squared = (paths**2).sum(1)[:, None] + (banks**2).sum(1) - 2.0 * (paths @ banks.T)
+    nonnegative: Array = np.maximum(squared, 0.0)
+    return nonnegative
 
 
 def future_log_prob(
     futures: Float[Array, "S T 2"],
     templates: Float[Array, "K T 2"],
-    sigma_m: float,
+    spread: Spread,
     log_prior: Float[Array, " K"] | None = None,
 ) -> Float[Array, "S K"]:
-    """Distribution over templates around a predicted path: softmax(-d^2 / (2 sigma^2)).
+    """Distribution over templates around a predicted path: softmax(log prior - d^2 / 2).
+
+    d^2 is the sum over points of their squared distances in units of `spread` at their times.
 
     Args:
         futures: Predicted paths in metres in `ego`.
         templates: Templates in metres in `ego`.
-        sigma_m: Standard deviation of each of the 2 T numbers, see `fit_sigma`.
+        spread: Of the driven path around the predicted one, see `fit_spread`.
         log_prior: Log-probability of each template beforehand; None: all alike.
 
     Returns:
         Log-probabilities in nats.
     """
-    logit = squared_distances(futures, templates) / (-2.0 * sigma_m**2)
+    sigma_m = spread.sigma_m(templates.shape[1])[:, None]
+    logit = -0.5 * squared_distances(futures / sigma_m, templates / sigma_m)
     if log_prior is not None:
         logit += log_prior
     log_prob: Array = logit - logsumexp(logit, axis=1, keepdims=True)
     return log_prob
 
 
-def fit_sigma(
+def fit_spread(
     futures: Float[Array, "S T 2"],
     templates: Float[Array, "K T 2"],
     labels: Int[Array, " S"],
     log_prior: Float[Array, " K"] | None = None,
-) -> float:
-    """The sigma of `future_log_prob` with the smallest NLL on training samples, in metres.
+) -> Spread:
+    """The spread for `future_log_prob` with the smallest NLL on training samples.
 
-    The NLL is convex in 1 / sigma^2, so a line search finds its minimum. At most 4096 samples,
-    evenly spread, take part: one number needs no more.
+    At most 1024 samples, evenly spread, take part: two numbers need no more.
 
     Args:
         futures: Predicted paths of training samples, in metres in `ego`.
@@ -120,19 +157,18 @@ def fit_sigma(
         ValueError: If there are no samples.
     """
     if len(futures) == 0:
-        raise ValueError("Fitting sigma needs at least one training sample, got none.")
-    keep = np.arange(0, len(futures), -(-len(futures) // _SIGMA_SAMPLES))
-    squared_m2 = squared_distances(futures[keep], templates)
-    prior = np.zeros(len(templates)) if log_prior is None else log_prior
-    at_label = np.take_along_axis(squared_m2, labels[keep, None], axis=1)[:, 0]
+        raise ValueError("Fitting a spread needs at least one training sample, got none.")
+    keep = np.arange(0, len(futures), -(-len(futures) // _SPREAD_SAMPLES))
+    paths, driven = futures[keep], labels[keep, None]
 
-    def mean_nll(log_sigma: float) -> float:
-        scale = -0.5 * np.exp(-2.0 * log_sigma)
-        logit_at_label = scale * at_label + prior[labels[keep]]
-        return float((logsumexp(scale * squared_m2 + prior, axis=1) - logit_at_label).mean())
+    def mean_nll(parameters: Float[Array, "2"]) -> float:
+        spread = Spread(float(np.exp(parameters[0])), float(parameters[1]))
+        log_prob = future_log_prob(paths, templates, spread, log_prior)
+        return -float(np.take_along_axis(log_prob, driven, axis=1).mean())
 
-    found = minimize_scalar(mean_nll, bounds=(np.log(1e-2), np.log(1e3)), method="bounded")
-    return float(np.exp(found.x))
+    start = np.array([np.log(5.0), 1.0])
+    found = minimize(mean_nll, start, method="L-BFGS-B", bounds=_SPREAD_BOUNDS)
+    return Spread(float(np.exp(found.x[0])), float(found.x[1]))
 
 
 def standing_still_log_prob(
@@ -142,7 +178,7 @@ def standing_still_log_prob(
 
     Args:
         templates: Templates in metres in `ego`.
-        labels: Nearest template of each training sample; sigma is fitted to them.
+        labels: Nearest template of each training sample; the spread is fitted to them.
 
     Returns:
         Log-probabilities in nats; the same for every sample.
@@ -151,8 +187,8 @@ def standing_still_log_prob(
         ValueError: If there are no samples.
     """
     staying = np.zeros((len(labels), *templates.shape[1:]))
-    sigma_m = fit_sigma(staying, templates, labels)
-    log_prob: Array = future_log_prob(staying[:1], templates, sigma_m)[0]
+    spread = fit_spread(staying, templates, labels)
+    log_prob: Array = future_log_prob(staying[:1], templates, spread)[0]
     return log_prob
 
 
@@ -164,26 +200,29 @@ def driving_on_log_prob(
     known: Bool[Array, " Q"],
     templates: Float[Array, "K T 2"],
     log_prior: Float[Array, " K"],
+    with_prior: bool = False,
 ) -> Float[Array, "Q K"]:
     """Distributions around predicted paths; the prior where there is nothing to predict from.
 
     Where the recording of a scene begins, no motion is known. Reading that as standing would cost
-    so much NLL there that sigma would become too wide everywhere else.
+    so much NLL there that the spread would become too wide everywhere else.
 
     Args:
         train_paths: Predicted paths of training samples, in metres in `ego`.
         train_known: Whether their motion is known.
-        train_labels: Their nearest templates; sigma is fitted to them.
+        train_labels: Their nearest templates; the spread is fitted to them.
         paths: Predicted paths of the samples asked about, in metres in `ego`.
         known: Whether their motion is known.
         templates: Templates in metres in `ego`.
         log_prior: Log-probability of each template where the motion is not known.
+        with_prior: Weigh templates by the prior elsewhere, too; else all are alike there.
 
     Returns:
         Log-probabilities in nats.
     """
     log_prob = np.tile(log_prior, (len(paths), 1))
     if train_known.any():
-        sigma_m = fit_sigma(train_paths[train_known], templates, train_labels[train_known])
-        log_prob[known] = future_log_prob(paths[known], templates, sigma_m)
+        prior = log_prior if with_prior else None
+        spread = fit_spread(train_paths[train_known], templates, train_labels[train_known], prior)
+        log_prob[known] = future_log_prob(paths[known], templates, spread, prior)
     return log_prob

@@ -13,8 +13,10 @@ METHOD_NOTES: Final = {
     "prior": "how often each template was driven in training; sees nothing",
     "speed_prior": "the same at about the speed of now; knows the speed, sees nothing",
     "standing_still": "stays where it is; sees nothing",
-    "constant_velocity": "drives straight on at the velocity of now; sees nothing else",
+    "constant_velocity": "drives straight on at the speed of now; sees nothing else",
+    "constant_velocity_with_prior": "the same, times how often each template was driven",
     "constant_yaw_rate": "drives on at the speed and in the bend of now; sees nothing else",
+    "constant_yaw_rate_with_prior": "the same, times how often each template was driven",
     "past_motion": "fitted to how the ego moved until now; sees nothing else",
     "blind": "one cost map for all samples, the best there is without looking",
     "model_knowing_speed": "the trained planner, told the speed afterwards; no baseline, it shows "
