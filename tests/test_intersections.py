@@ -4,6 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
+from world_fixture import result_beside
 
 from lss_core.config import DataConfig
 from lss_core.errors import DataError
@@ -17,12 +18,11 @@ from shoot.world.writer import CARD, VERSION, MakeWorldConfig, make_world
 def city(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, LabelledSplit]:
     """A few short scenes with hardly any picture in them."""
     root = tmp_path_factory.mktemp("city")
-    make_world(
-        MakeWorldConfig(
-            out=root, train_scenes=0, val_scenes=2, duration_s=7.0, keyframe_s=1.0,
-            image_scale=0.05, lidar_azimuths=8, workers=1, seed=4,
-        )
+    config = MakeWorldConfig(
+        out=root, train_scenes=0, val_scenes=2, duration_s=7.0, keyframe_s=1.0,
+        image_scale=0.05, lidar_azimuths=8, workers=1, seed=4,
     )  # fmt: skip
+    result_beside(make_world, config)
     still = TemplateSet(np.zeros((1, 20, 2), np.float32), 0.25, np.ones(1, np.int64))
     return root, load_split(DataConfig(root=str(root), version=VERSION), "val", still)
 

@@ -195,7 +195,7 @@ def test_arms_look_alike_whichever_is_taken(num_scenes: int) -> None:
     would lie outside.
     """
     rows: list[Arms] = result_beside(_arms_and_taken, num_scenes)
-    assert len(rows) > 4 * num_scenes
+    assert len(rows) > 3 * num_scenes
     rng = np.random.default_rng(0)
     found = _excess([taken for _, taken in rows], rows)
     drawn = np.array(
