@@ -191,8 +191,8 @@ SMALL = TrainConfig(
 DEMO = replace(
     SMALL,
     out="runs/demo",
-    optim=replace(SMALL.optim, steps=900, warmup_steps=90),
-    val_every=300,
+    optim=replace(SMALL.optim, steps=450, warmup_steps=45),
+    val_every=150,
     val_samples=120,
 )
 LIDAR1 = replace(SMALL, out="runs/lidar1", data=replace(SMALL.data, lidar_scans=1))

@@ -55,9 +55,9 @@ class DemoConfig:
     """
 
     out: Path = Path("demo")
-    first_scenes: int = 16
-    train_scenes: int = 160
-    val_scenes: int = 60
+    first_scenes: int = 12
+    train_scenes: int = 120
+    val_scenes: int = 48
     k: int = 1000
     steps: int = DEMO.optim.steps
     seed: int = 0
