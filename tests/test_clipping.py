@@ -16,6 +16,8 @@ from shoot.metrics_file import read_metrics
 from shoot.run_folder import RunFolder
 from shoot.training import PlanningModule, make_trainer
 
+pytestmark = pytest.mark.trains
+
 SCALE = 1024.0
 
 

@@ -13,6 +13,8 @@ from lss_core.bev_encoder import BevEncoder
 from lss_core.convolutions import DepthwiseConv2d, StridedPointwiseConv2d, suit_cpus
 from lss_core.image_encoder import ImageEncoder
 
+pytestmark = pytest.mark.trains
+
 
 def _net() -> nn.Sequential:
     torch.manual_seed(0)
@@ -106,7 +108,6 @@ _BACKWARD = """
 import torch
 from lss_core.convolutions import suit_cpus
 
-pytestmark = pytest.mark.trains
 torch.manual_seed(0)
 net = torch.nn.Sequential(torch.nn.Conv2d({inputs}, 8, 1, stride=2, bias=False))
 suit_cpus(net)
