@@ -81,25 +81,25 @@ class TestFutureLogProb:
 
     def test_by_hand(self):
         templates = np.array([[[0.0, 0.0]], [[3.0, 4.0]]])
-        log_prob = future_log_prob(np.zeros((1, 1, 2)), templates, Spread(5.0, 1.0))
+        log_prob = future_log_prob(np.zeros((1, 1, 2)), templates, Spread(1.0, 4.0))
         odds = np.exp(-25.0 / 50.0)
         np.testing.assert_allclose(np.exp(log_prob), [[1 / (1 + odds), odds / (1 + odds)]])
 
     def test_the_same_distance_says_more_the_earlier_it_is(self):
-        # 1 m off at the first, second or fourth of four points; sigma 0.5 m, 1 m, 1.5 m and 2 m.
+        # 1 m off at the first, second or fourth of four points.
         templates = np.zeros((4, 4, 2))
         templates[[1, 2, 3], [0, 1, 3], [0, 1, 0]] = 1.0
-        spread = Spread(last_m=2.0, growth=1.0)
-        np.testing.assert_allclose(spread.sigma_m(4), [0.5, 1.0, 1.5, 2.0])
+        spread = Spread(always_m=1.0, grown_m=16.0)
+        np.testing.assert_allclose(spread.sigma_m(4), [2.0, 5.0, 10.0, 17.0])
         log_prob = future_log_prob(np.zeros((1, 4, 2)), templates, spread)[0]
-        np.testing.assert_allclose(log_prob[1:] - log_prob[0], [-2.0, -0.5, -0.125])
+        np.testing.assert_allclose(log_prob[1:] - log_prob[0], [-0.5 / 4, -0.5 / 25, -0.5 / 289])
         alike = future_log_prob(np.zeros((1, 4, 2)), templates, Spread(2.0, 0.0))[0]
         np.testing.assert_allclose(alike[1:] - alike[0], [-0.125] * 3)
 
     def test_wide_spread_leaves_the_prior(self):
         prior = np.log([0.7, 0.2, 0.1])
         templates = np.random.default_rng(2).normal(size=(3, 20, 2))
-        log_prob = future_log_prob(np.zeros((2, 20, 2)), templates, Spread(1e6, 1.0), prior)
+        log_prob = future_log_prob(np.zeros((2, 20, 2)), templates, Spread(1e6, 0.0), prior)
         np.testing.assert_allclose(log_prob, [prior, prior], atol=1e-6)
 
     @pytest.mark.parametrize("with_prior", [False, True])
@@ -108,23 +108,23 @@ class TestFutureLogProb:
         templates = generator.uniform(-5.0, 5.0, (60, 4, 2))
         futures = generator.uniform(-5.0, 5.0, (5000, 4, 2))
         prior = log_softmax(generator.normal(size=60)) if with_prior else None
-        # Draw the labels from the model itself (Gumbel noise), with sigma 1 m to 4 m.
-        log_prob = future_log_prob(futures, templates, Spread(4.0, 1.0), prior)
+        # Draw the labels from the model itself (Gumbel noise), with sigma 1.2 m to 4 m.
+        truth = Spread(1.0, 3.0)
+        log_prob = future_log_prob(futures, templates, truth, prior)
         labels = (log_prob + generator.gumbel(size=log_prob.shape)).argmax(1)
         spread = fit_spread(futures, templates, labels, prior)
-        assert spread.last_m == pytest.approx(4.0, rel=0.15)
-        assert spread.growth == pytest.approx(1.0, abs=0.15)
+        np.testing.assert_allclose(spread.sigma_m(4), truth.sigma_m(4), rtol=0.15)
 
-        def nll(last_m, growth):
-            asked = Spread(last_m, growth)
+        def nll(always_m, grown_m):
+            asked = Spread(always_m, grown_m)
             log_prob = future_log_prob(futures[::5], templates, asked, prior)
             return -log_prob[np.arange(1000), labels[::5]].mean()  # as fit_spread thins 5000
 
-        least = nll(spread.last_m, spread.growth)
-        for factor in (0.9, 0.99, 1.01, 1.1):
-            assert least <= nll(spread.last_m * factor, spread.growth)
-            assert least <= nll(spread.last_m, spread.growth * factor)
-        assert least < nll(2.0, 0.0) - 0.05
+        least = nll(spread.always_m, spread.grown_m)
+        for factor in (0.9, 0.98, 1.02, 1.1):
+            assert least <= nll(spread.always_m * factor, spread.grown_m)
+            assert least <= nll(spread.always_m, spread.grown_m * factor)
+        assert least < min(nll(sigma_m, 0.0) for sigma_m in np.arange(1.0, 4.0, 0.1)) - 0.05
 
     def test_no_samples_are_refused(self):
         with pytest.raises(ValueError, match="at least one training sample"):
@@ -194,7 +194,8 @@ class TestDrivingOn:
         spread = fit_spread(self.paths[self.known], self.templates, self.labels[self.known])
         expected = future_log_prob(self.paths[self.known], self.templates, spread)
         np.testing.assert_allclose(told[self.known], expected)
-        assert fit_spread(paths, self.templates, self.labels).last_m > 1.2 * spread.last_m
+        without = fit_spread(paths, self.templates, self.labels)
+        assert without.sigma_m(4).mean() > 1.2 * spread.sigma_m(4).mean()
 
     def test_known_nowhere_in_training_leaves_the_prior(self):
         nowhere = np.zeros(200, dtype=bool)

@@ -12,25 +12,28 @@ Array = np.ndarray[Any, np.dtype[Any]]
 
 # Enough to fit two numbers; bounds the memory of the S x K distances at K = 1000 to 8 MB.
 _SPREAD_SAMPLES = 1024
-# Of the logarithm of the last point's sigma in metres, and of the power of time.
-_SPREAD_BOUNDS = ((np.log(1e-2), np.log(1e3)), (0.0, 3.0))
+_SPREAD_BOUNDS_M = (1e-3, 1e4)
 
 
 @dataclass(frozen=True)
 class Spread:
     """How far driven paths stray from predicted ones: further the later it is.
 
+    What a prediction from motion alone cannot know, an acceleration, grows with time squared. A
+    free power of time is worse than that: it may grow until the first points alone count.
+
     Attributes:
-        last_m: Standard deviation of x and of y at the last point, in metres.
-        growth: It grows with time to this power; 0: it is the same at all points.
+        always_m: Standard deviation of x and of y at any time, in metres.
+        grown_m: What is added to it at the last point, in metres; before, with time squared.
     """
 
-    last_m: float
-    growth: float
+    always_m: float
+    grown_m: float
 
     def sigma_m(self, num_points: int) -> Float[Array, " T"]:
         """Standard deviation of x and of y at each of evenly spaced points, in metres."""
-        sigma_m: Array = self.last_m * (np.arange(1, num_points + 1) / num_points) ** self.growth
+        share = np.arange(1, num_points + 1) / num_points
+        sigma_m: Array = self.always_m + self.grown_m * share**2
         return sigma_m
 
 
@@ -162,13 +165,13 @@ def fit_spread(
     paths, driven = futures[keep], labels[keep, None]
 
     def mean_nll(parameters: Float[Array, "2"]) -> float:
-        spread = Spread(float(np.exp(parameters[0])), float(parameters[1]))
+        spread = Spread(*np.exp(parameters).tolist())
         log_prob = future_log_prob(paths, templates, spread, log_prior)
         return -float(np.take_along_axis(log_prob, driven, axis=1).mean())
 
-    start = np.array([np.log(5.0), 1.0])
-    found = minimize(mean_nll, start, method="L-BFGS-B", bounds=_SPREAD_BOUNDS)
-    return Spread(float(np.exp(found.x[0])), float(found.x[1]))
+    start, bounds = np.log([1.0, 10.0]), 2 * [np.log(_SPREAD_BOUNDS_M)]
+    found = minimize(mean_nll, start, method="L-BFGS-B", bounds=bounds)
+    return Spread(*np.exp(found.x).tolist())
 
 
 def standing_still_log_prob(
