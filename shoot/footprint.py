@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
-from lss_core.geometry import wrap_angle
+from lss_core.geometry import direction_of, wrap_angle
 
 Array = np.ndarray[Any, np.dtype[Any]]
 
@@ -43,7 +43,7 @@ def headings(paths_m: Float[Array, "*S T 2"]) -> Float[Array, "*S T"]:
     num_steps = np.full(paths_m.shape[-2], 2)
     num_steps[-1:] = 1
     moves = np.hypot(chord_m[..., 0], chord_m[..., 1]) >= STANDS_STEP_M * num_steps
-    direction_rad = np.arctan2(chord_m[..., 1], chord_m[..., 0])
+    direction_rad = direction_of(chord_m)
     heading_rad = np.zeros(paths_m.shape[:-1])
     before_rad = np.zeros(paths_m.shape[:-2])
     for step in range(paths_m.shape[-2]):

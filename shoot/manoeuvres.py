@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Shaped
 
+from lss_core.geometry import direction_of
+
 Array = np.ndarray[Any, np.dtype[Any]]
 
 MANOEUVRES = ("standing", "straight", "left", "right")
@@ -37,7 +39,7 @@ def heading_changes(
     for point in np.moveaxis(futures.astype(np.float64), 1, 0):
         chord = point - anchor
         far = np.hypot(chord[:, 0], chord[:, 1]) >= step_m
-        change_rad = np.arctan2(chord[:, 1], chord[:, 0]) - heading_rad
+        change_rad = direction_of(chord) - heading_rad
         # Modulo half a circle: forwards and backwards along a line are the same heading.
         change_rad = (change_rad + math.pi / 2) % math.pi - math.pi / 2
         heading_rad = np.where(far, heading_rad + change_rad, heading_rad)

@@ -8,6 +8,7 @@ from pyquaternion import Quaternion
 
 from lss_core.geometry import (
     apply,
+    direction_of,
     interpolate_poses,
     invert,
     rigid_from_quaternion,
@@ -87,3 +88,22 @@ def test_poses_are_never_made_up(times_s: list[float], query_s: list[float], wor
     poses = np.tile(np.eye(4), (3, 1, 1))
     with pytest.raises(ValueError, match=word):
         interpolate_poses(np.array(times_s), poses, np.array(query_s))
+
+
+def test_directions_have_the_same_bits_wherever_the_vectors_lie() -> None:
+    # Sizes differ, so that memory is handed out at many places.
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        matrices = rng.normal(size=(int(rng.integers(50, 500)), 4, 4))
+        copies = matrices.copy()
+        np.testing.assert_array_equal(yaw_of(matrices), yaw_of(copies))
+        np.testing.assert_array_equal(
+            direction_of(matrices[:, 0, :2]), direction_of(copies[:, 0, :2])
+        )
+
+
+def test_directions_by_hand() -> None:
+    vectors = np.array([[[1.0, 0.0], [0.0, 2.0]], [[-3.0, 0.0], [-1.0, -1.0]]])
+    expected = np.pi * np.array([[0.0, 0.5], [1.0, -0.75]])
+    np.testing.assert_allclose(direction_of(vectors), expected)
+    assert direction_of(vectors[0, 1]) == np.pi / 2

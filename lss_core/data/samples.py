@@ -22,7 +22,7 @@ from lss_core.data.sample_problems import find_problems
 from lss_core.data.splits import scenes_of_split
 from lss_core.data.tables import TABLES
 from lss_core.errors import DataError
-from lss_core.geometry import FloatArray, interpolate_poses
+from lss_core.geometry import FloatArray, interpolate_poses, yaw_of
 from lss_core.legible import legible
 
 logger = logging.getLogger(__name__)
@@ -249,7 +249,7 @@ def _build_index(root: Path, version: str, cameras: tuple[str, ...]) -> SampleIn
         track_start=tables.track_start,
         track_time_s=frames.time_us[tables.track] / 1e6,
         track_xy_m=track_pose[:, :2, 3].copy(),
-        track_yaw_rad=np.arctan2(track_pose[:, 1, 0], track_pose[:, 0, 0]),
+        track_yaw_rad=yaw_of(track_pose),
         global_from_track=track_pose,
         # Four times as small as texts: there is one for each of some hundred thousand sweeps.
         sweep_path=np.asarray(

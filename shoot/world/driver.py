@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lss_core.geometry import direction_of
 from shoot.world.curves import arc_lengths
 from shoot.world.town import FloatArray, Lane, Town
 
@@ -85,7 +86,7 @@ def follow_lanes(lanes: list[Lane], pace: float) -> Route:
     at_m = np.arange(0.0, s_m[-1], ROUTE_STEP_M)
     xy_m = np.stack([np.interp(at_m, s_m, joined[:, i]) for i in (0, 1)], axis=1)
     tangents = np.gradient(xy_m, axis=0)
-    yaw_rad = np.unwrap(np.arctan2(tangents[:, 1], tangents[:, 0]))
+    yaw_rad = np.unwrap(direction_of(tangents))
     # Half-metre chords make curvature ragged; 2 m is what a driver feels.
     box = np.ones(5) / 5
     curvature = np.abs(np.convolve(np.gradient(yaw_rad, ROUTE_STEP_M), box, mode="same"))

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from lss_core.geometry import direction_of
 from shoot.world.junctions import SignalPlan, plan_signals
 from shoot.world.recording import AGENT_SIGHT_M, Agent, Look, Recording
 from shoot.world.town import FloatArray, Town
@@ -159,7 +160,7 @@ def _walker_agent(walker: Walker, first: int, times_s: FloatArray) -> Agent:
         size_m=np.array([0.6, 0.6, walker.height_m]),
         style=walker.style,
         xy_m=xy_m,
-        yaw_rad=np.arctan2(heading[:, 1], heading[:, 0]),
+        yaw_rad=direction_of(heading),
         speed_mps=np.gradient(at_m, DT_S),
         is_braking=np.zeros(len(times_s), dtype=np.bool_),
         is_present=np.ones(len(times_s), dtype=np.bool_),
