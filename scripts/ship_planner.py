@@ -7,7 +7,6 @@ OUT can be used wherever a run folder can; its data root is relative to itself. 
 """
 
 import json
-import os
 import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,11 +22,12 @@ _FILES = (
     "environment.json",
 )  # fmt: skip
 _METRICS = (
-    ("top5", "top-5, %"),
-    ("top10", "top-10, %"),
-    ("top20", "top-20, %"),
-    ("nll", "NLL, nats"),
+    ("top5", "top-5, %", ".1f"),
+    ("top10", "top-10, %", ".1f"),
+    ("top20", "top-20, %", ".1f"),
+    ("nll", "NLL, nats", ".2f"),
 )
+_BESIDE = ("prior", "blind", "constant_velocity", "past_motion")
 
 
 @dataclass(frozen=True)
@@ -38,11 +38,13 @@ class ShipConfig:
         run: Finished run, with report.json.
         out: Folder to write.
         picture: Of its templates, as shoot-fit-templates draws it.
+        data_root: Where its data is to be looked for, seen from `out`.
     """
 
     run: Annotated[Path, tyro.conf.Positional]
     out: Annotated[Path, tyro.conf.Positional]
     picture: Path
+    data_root: str = "../../runs/table6/world"  # where table6.py writes it
 
 
 def ship(config: ShipConfig) -> None:
@@ -53,10 +55,9 @@ def ship(config: ShipConfig) -> None:
         shutil.copy(run.folder / name, out / name)
     shutil.copy(config.picture, out / "templates.png")
     told = run.config()
-    root = os.path.relpath(told.data.root, out)
     told = replace(
         told,
-        data=replace(told.data, root=root),
+        data=replace(told.data, root=config.data_root),
         templates="templates.npz",
         out=".",
         resume=False,
@@ -73,9 +74,9 @@ def _card(run: RunFolder, report: dict[str, Any]) -> str:
     train_s = json.loads(run.time_file.read_text())["train_s"]
     image, optim = config.data.image, config.optim
     methods, differences = report["methods"], report["differences"]
-    table = [_row("this planner", methods["model"], "{:.4g}")]
-    table += [_row(name, methods[name], "{:.4g}") for name in _BESIDE]
-    table += [_row(f"this planner minus {n}", differences[n], "{:+.4g}") for n in _BESIDE]
+    table = [_row("this planner", methods["model"])]
+    table += [_row(name, methods[name]) for name in _BESIDE]
+    table += [_row(f"this planner minus {name}", differences[name], "+") for name in _BESIDE]
     cells = f"{config.model.grid.num_x} x {config.model.grid.num_y}"
     lines = [
         "# A camera planner for the synthetic city",
@@ -90,14 +91,14 @@ def _card(run: RunFolder, report: dict[str, Any]) -> str:
         f"- **Templates**: {templates.card['num_futures']:,} futures of the training scenes, by",
         "  K-Means (`templates.json`, `templates.png`).",
         f"- **Training**: seed {config.seed}, {optim.steps:,} steps of {optim.batch_size} samples,",
-        f"  {config.precision}, frustum `{config.model.frustum}`; {train_s / 60.0:.0f} minutes on",
-        f"  two cores, beside other work; torch {environment['libraries']['torch']}. These are the",
+        f"  {config.precision}, frustum `{config.model.frustum}`; {train_s / 60.0:.0f} minutes",
+        f"  beside other work; torch {environment['libraries']['torch']}. These are the",
         "  weights of the last step: none were chosen by their score.",
         "- **Baselines** are fitted to `training_motion.npz`, labels and past motion of the",
         "  training samples, whatever data it is scored on.",
         "- **Licence**: the project's.",
         "",
-        f"| method | {' | '.join(header for _, header in _METRICS)} |",
+        f"| method | {' | '.join(header for _, header, _ in _METRICS)} |",
         "| --- | --- | --- | --- | --- |",
         *table,
         "",
@@ -111,14 +112,13 @@ def _card(run: RunFolder, report: dict[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _row(name: str, metrics: dict[str, dict[str, float]], form: str) -> str:
-    return (
-        f"| {name.replace('_', ' ')} | {' | '.join(_cell(metrics[m], form) for m, _ in _METRICS)} |"
-    )
+def _row(name: str, metrics: dict[str, dict[str, float]], sign: str = "") -> str:
+    cells = (_cell(metrics[metric], sign + form) for metric, _, form in _METRICS)
+    return f"| {name.replace('_', ' ')} | {' | '.join(cells)} |"
 
 
 def _cell(interval: dict[str, float], form: str) -> str:
-    value, low, high = (form.format(interval[key]) for key in ("value", "low", "high"))
+    value, low, high = (format(interval[key], form) for key in ("value", "low", "high"))
     return f"{value} [{low}, {high}]"
 
 
