@@ -1,5 +1,7 @@
 """Rigid transforms as 4x4 matrices on column vectors: `a_from_c = a_from_b @ b_from_c`."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
@@ -54,13 +56,13 @@ def apply(a_from_b: FloatArray, points_b: FloatArray) -> FloatArray:
     return points_a
 
 
-def direction_of(vectors: FloatArray) -> FloatArray:
+def direction_of(vectors: NDArray[np.floating[Any]]) -> FloatArray:
     """Angle [...] of vectors [..., 2] from the x axis, counter-clockwise, in (-pi, pi].
 
     To the same bits wherever they lie: numpy's code for AVX-512 takes columns of a larger array one
     way or another by their addresses, with other last digits, but whole arrays always one way.
     """
-    x, y = (np.ascontiguousarray(vectors[..., axis]) for axis in (0, 1))
+    x, y = (np.ascontiguousarray(vectors[..., axis], dtype=np.float64) for axis in (0, 1))
     direction: FloatArray = np.asarray(np.arctan2(y, x)).reshape(vectors.shape[:-1])
     return direction
 
