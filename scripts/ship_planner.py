@@ -19,7 +19,7 @@ from shoot.run_folder import RunFolder
 
 _FILES = (
     "weights.safetensors", "templates.npz", "templates.json", "training_motion.npz",
-    "environment.json",
+    "past_motion.safetensors", "environment.json",
 )  # fmt: skip
 _METRICS = (
     ("top5", "top-5, %", ".1f"),

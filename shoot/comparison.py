@@ -10,14 +10,15 @@ from jaxtyping import Float
 from numpy.typing import NDArray
 
 from shoot.baselines import (
+    PastMotionFit,
     along_heading,
     constant_velocity_futures,
     constant_yaw_rate_futures,
     driving_on_log_prob,
     fit_blind,
-    fit_past_motion,
     fit_prior,
     fit_speed_prior,
+    kept_past_motion,
     standing_still_log_prob,
 )
 from shoot.datamodule import FITTED_ON, LabelledSplit, check_unseen, load_split
@@ -138,13 +139,20 @@ def score(
         check_unseen(tokens, run.templates.scene_tokens, FITTED_ON)
     model = predict(run, samples, fast)
     log_probs: dict[str, Array] = {MODEL: model}
-    log_probs |= baseline_log_probs(known, samples, run.templates, run.module.planner)
+    past_motion = kept_past_motion(
+        run.folder.past_motion_file, known.past, known.labels, run.templates.points
+    )
+    log_probs |= baseline_log_probs(known, samples, run.templates, run.module.planner, past_motion)
     log_probs[KNOWING_SPEED] = tell_speed(model, log_probs["speed_prior"], log_probs["prior"])
     return Scored(samples, log_probs)
 
 
 def baseline_log_probs(
-    train: TrainingMotion, split: LabelledSplit, templates: TemplateSet, planner: Planner
+    train: TrainingMotion,
+    split: LabelledSplit,
+    templates: TemplateSet,
+    planner: Planner,
+    past_motion: PastMotionFit,
 ) -> dict[str, Array]:
     """Log-probabilities of what any planner must beat.
 
@@ -153,6 +161,7 @@ def baseline_log_probs(
         split: What they are asked about; of its futures only the past is read, and no label.
         templates: Both are labelled with.
         planner: Grid and rules of reading for the blind planner.
+        past_motion: Fitted to the same.
 
     Returns:
         `prior`, `standing_still` and `blind` [K], the same for all samples. [S, K], and knowing
@@ -180,7 +189,7 @@ def baseline_log_probs(
         "constant_velocity_with_prior": driving_on(_constant_velocity, with_prior=True),
         "constant_yaw_rate": driving_on(_constant_yaw_rate),
         "constant_yaw_rate_with_prior": driving_on(_constant_yaw_rate, with_prior=True),
-        "past_motion": fit_past_motion(past, labels, points).log_prob(split.futures),
+        "past_motion": past_motion.log_prob(split.futures),
         "blind": fit_blind(blind_planner, labels, past.scene).log_prob,
     }
 

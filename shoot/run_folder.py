@@ -66,6 +66,11 @@ class RunFolder:
         return self.folder / "training_motion.npz"
 
     @property
+    def past_motion_file(self) -> Path:
+        """Networks of the baseline past motion, kept by the first evaluation."""
+        return self.folder / "past_motion.safetensors"
+
+    @property
     def time_file(self) -> Path:
         """How long the finished run has trained."""
         return self.folder / "training_time.json"

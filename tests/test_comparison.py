@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from world_fixture import NUM_TEMPLATES, TinyRun
 
+from shoot.baselines import fit_past_motion
 from shoot.comparison import Scored, baseline_log_probs, score, sum_up
 from shoot.datamodule import LabelledSplit
 from shoot.known_speed import tell_speed
@@ -73,7 +74,8 @@ def test_baselines_see_nothing_of_the_split_but_each_samples_own_past(
     half = np.arange(len(samples.labels)) % 2 == 0
     futures = replace(samples.futures, xy_m=-3.0 * samples.futures.xy_m[::-1]).select(half)
     other = LabelledSplit(samples.index, futures, (samples.labels[half] + 5) % NUM_TEMPLATES)
-    told = baseline_log_probs(train, other, trained.templates, trained.module.planner)
+    past_motion = fit_past_motion(train.past, train.labels, trained.templates.points)
+    told = baseline_log_probs(train, other, trained.templates, trained.module.planner, past_motion)
     assert set(told) == set(scored.log_probs) - {"model", "model_knowing_speed"}
     for name, log_prob in told.items():
         expected = scored.log_probs[name]

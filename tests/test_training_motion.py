@@ -21,6 +21,7 @@ from world_fixture import (
 )
 
 from lss_core.errors import DataError
+from shoot.baselines import kept_past_motion
 from shoot.datamodule import load_split
 from shoot.prediction import open_run
 from shoot.run_folder import RunFolder
@@ -164,3 +165,35 @@ def test_a_run_given_away_with_its_data_finds_it_beside_itself(
     monkeypatch.chdir(tmp_path)
     expected = evaluate(tiny_run.folder, tmp_path / "own.json")
     assert evaluate(moved / "run", tmp_path / "moved.json")["methods"] == expected["methods"]
+
+
+def test_networks_of_past_motion_are_fitted_once_a_run(tiny_run: TinyRun, tmp_path: Path) -> None:
+    run = copy_run(tiny_run, tmp_path)
+    kept = RunFolder(run.folder).past_motion_file
+    kept.unlink(missing_ok=True)
+    fitted = evaluate(run.folder, tmp_path / "first.json")
+    written = kept.stat().st_mtime_ns
+    assert evaluate(run.folder, tmp_path / "second.json") == fitted
+    assert kept.stat().st_mtime_ns == written
+    kept.write_bytes(kept.read_bytes()[:-40])
+    assert evaluate(run.folder, tmp_path / "third.json") == fitted
+    assert kept.stat().st_mtime_ns > written
+
+
+def test_networks_kept_for_other_labels_are_not_taken(tiny_run: TinyRun, tmp_path: Path) -> None:
+    run = RunFolder(tiny_run.folder)
+    known = TrainingMotion.load(run.motion_file, run.templates())
+    points, path = run.templates().points, tmp_path / "past_motion.safetensors"
+    split = load_split(run.config().data, "val", run.templates())
+    one = kept_past_motion(path, known.past, known.labels, points)
+    other = kept_past_motion(path, known.past, (known.labels + 1) % NUM_TEMPLATES, points)
+    again = kept_past_motion(path, known.past, known.labels, points)
+    said = [fit.log_prob(split.futures) for fit in (one, other, again)]
+    assert not np.allclose(said[0], said[1])
+    np.testing.assert_array_equal(said[0], said[2])
+    loaded = kept_past_motion(path, known.past, known.labels, points)
+    assert (loaded.epochs, loaded.held_out_nll) == (again.epochs, again.held_out_nll)
+    np.testing.assert_array_equal(loaded.log_prob(split.futures), said[0])
+    # Where nothing can be written, they are fitted all the same.
+    unkept = kept_past_motion(path / "no folder", known.past, known.labels, points)
+    np.testing.assert_array_equal(unkept.log_prob(split.futures), said[0])

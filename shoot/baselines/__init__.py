@@ -13,6 +13,7 @@ from shoot.baselines.kinematic import (
     standing_still_log_prob,
 )
 from shoot.baselines.past_motion import PastMotionFit, fit_past_motion
+from shoot.baselines.past_motion_file import kept_past_motion
 from shoot.baselines.prior import fit_prior, prior_log_prob
 from shoot.baselines.speed_prior import SpeedPrior, fit_speed_prior
 
@@ -31,6 +32,7 @@ __all__ = [
     "fit_speed_prior",
     "fit_spread",
     "future_log_prob",
+    "kept_past_motion",
     "prior_log_prob",
     "scene_folds",
     "standing_still_log_prob",
