@@ -6,13 +6,13 @@ from collections.abc import Callable
 from typing import Any
 
 import torch
-import torch._inductor.config
 from jaxtyping import Bool, Float, Shaped
 from torch import Tensor
 
 from lss_core.batch import Batch
 from lss_core.model import CameraModel
 from lss_core.splat import pool
+from shoot.compiler_cache import frozen_weights
 from shoot.cuda_graph import CannotRecordError, CudaGraphs
 from shoot.precision import fastest_precision
 from shoot.training import PlanningModule
@@ -81,8 +81,8 @@ class FastPlanner:
         Args:
             sensors: A batch on the module's device.
         """
-        # Weights become constants. As an option of torch.compile it comes too late for tracing.
-        with torch._inductor.config.patch(freezing=True):
+        # As an option of torch.compile, frozen weights come too late for tracing.
+        with frozen_weights():
             if not self._is_settled:
                 self._settle(sensors)
             return torch.cat([self._score(sensors, b) for b in range(len(sensors.sample_idx))])

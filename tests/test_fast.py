@@ -2,6 +2,9 @@
 
 import json
 import logging
+import os
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +16,7 @@ from world_fixture import TinyRun, command
 
 from lss_core.batch import Batch
 from shoot import fast
+from shoot.compiler_cache import frozen_weights, processor_tag
 from shoot.datamodule import load_split
 from shoot.fast import FastPlanner
 from shoot.prediction import TrainedRun, batches, open_run
@@ -137,3 +141,48 @@ def test_evaluate_fast(
     assert fast_one == pytest.approx(slow, abs=1e-3)
     # One that knows no network is the same in both.
     assert reports[0]["methods"]["prior"] == reports[1]["methods"]["prior"]
+
+
+_SCORES = """
+import sys
+import torch
+from test_fast import _sensors
+from shoot import fast
+from shoot.prediction import open_run
+fast.fastest_precision = lambda device: "32-true"
+trained = open_run(sys.argv[1])
+with torch.no_grad():
+    trained.module.model.bev_encoder.head.weight *= 100.0
+planner = fast.FastPlanner(trained.module)
+torch.save(planner(_sensors(trained)), sys.argv[2])
+assert planner.compiled
+"""
+
+
+@pytest.mark.full
+def test_what_was_compiled_for_other_units_is_not_taken(
+    tiny_run: TinyRun, trained: TrainedRun, tmp_path: Path
+) -> None:
+    with torch.no_grad():
+        expected = trained.module(_sensors(trained))
+    for number, limit in enumerate(({}, {"ONEDNN_MAX_CPU_ISA": "AVX2"})):
+        out = tmp_path / f"{number}.pt"
+        kept = {"TORCHINDUCTOR_CACHE_DIR": str(tmp_path / "cache"), "OMP_NUM_THREADS": "1"}
+        subprocess.run(
+            [sys.executable, "-c", _SCORES, tiny_run.folder, out],
+            env={**os.environ, **kept, **limit, "PYTHONPATH": str(Path(__file__).parent)},
+            check=True,
+        )
+        scores = torch.load(out, weights_only=True)
+        torch.testing.assert_close(scores, expected, rtol=1e-4, atol=1e-4)
+
+
+def test_processors_are_told_apart_by_what_may_be_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("ONEDNN_MAX_CPU_ISA", raising=False)
+    whole = processor_tag()
+    monkeypatch.setenv("ONEDNN_MAX_CPU_ISA", "AVX2")
+    assert processor_tag() != whole
+    key = torch.compiler.config.cache_key_tag
+    with frozen_weights():
+        assert processor_tag() in torch.compiler.config.cache_key_tag
+    assert torch.compiler.config.cache_key_tag == key
