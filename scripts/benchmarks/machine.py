@@ -5,9 +5,12 @@ import platform
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import torch
+
+_MOMENT_S = 0.1
 
 
 @dataclass(frozen=True)
@@ -49,9 +52,15 @@ def measure() -> Machine:
     )
 
 
-def _product_flops(dtype: torch.dtype, size: int = 4096) -> float:
-    left, right = torch.ones(size, size, dtype=dtype), torch.ones(size, size, dtype=dtype)
-    return 2 * size**3 / _best_s(lambda: left @ right)
+def _product_flops(dtype: torch.dtype) -> float:
+    """Of the largest product that takes no longer than a moment: a type without units is slow."""
+    size = 512
+    while True:
+        left, right = torch.ones(size, size, dtype=dtype), torch.ones(size, size, dtype=dtype)
+        best_s = _best_s(partial(torch.matmul, left, right))
+        if size == 4096 or best_s > _MOMENT_S:
+            return 2 * size**3 / best_s
+        size *= 2
 
 
 def _best_s(function: object, repeats: int = 4) -> float:
