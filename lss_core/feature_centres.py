@@ -21,6 +21,8 @@ def first_feature_px(encoder: ImageEncoder, stride: int, seed: int = 0) -> tuple
         encoder: Asked in evaluation mode; left as it was, gradients and random numbers included.
         stride: Pixels per feature cell.
         seed: Of images and sums.
+
+    Deviation: the paper does not say which pixel a feature stands for, see docs/deviations.md.
     """
     generator = torch.Generator().manual_seed(seed)
     side_px = 2 * _CELLS * stride

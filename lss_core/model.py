@@ -58,7 +58,7 @@ class CameraModel(nn.Module):
             neck_channels=config.neck_channels,
         )
         self.bev_encoder = _bev_encoder(config, out_channels)
-        # Measured once: checkpoints carry it, as the weights of a trained network say other pixels.
+        # Measured once, and kept with the weights, which training then fits to it.
         measured = config.frustum == "sampled"
         self.register_buffer(
             "first_px",

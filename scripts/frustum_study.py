@@ -7,10 +7,7 @@ docs/results.md; hours in all. Run again, it goes on where it was. Each finished
 in docs/results/frustum/, and the table is made from these alone.
 """
 
-import logging
 import os
-import signal
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,10 +15,10 @@ from typing import Annotated
 
 import tyro
 from marked_page import fill_page
-from planning_table.cells import PAIRED, markdown, model_spread, paired
+from planning_table.cells import PAIRED, markdown, model_spread, paired, value_cell
 from planning_table.experiments import MAIN_METRICS, SEEDS, Experiment
 from planning_table.records import Record, load_records
-from planning_table.work import Place, prepare, run_all
+from planning_table.work import Place, prepare, run_all, run_script
 
 _WAYS = ("cell", "sampled")
 RUNS = tuple(
@@ -85,6 +82,9 @@ def table(records: Sequence[Record]) -> str:
     if both[0]:
         less = [paired(both[1], both[0], m) if m in PAIRED else "" for m in MAIN_METRICS]
         rows.append(["`sampled` minus `cell`", *less])
+    for name in ("prior", "blind", "past_motion"):
+        beside = records[0]["methods"][name]
+        rows.append([name.replace("_", " "), *(value_cell(beside[m], m) for m in MAIN_METRICS)])
     one = records[0]
     return (
         f"{one['num_samples']} validation samples, {one['num_scenes']} scenes; {one['steps']} "
@@ -94,10 +94,4 @@ def table(records: Sequence[Record]) -> str:
 
 
 if __name__ == "__main__":
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
-    for number in (signal.SIGTERM, signal.SIGHUP):
-        if signal.getsignal(number) != signal.SIG_IGN:
-            signal.signal(number, lambda number, _: sys.exit(128 + number))
-    left = study(tyro.cli(StudyConfig, description=__doc__))
-    if left:
-        sys.exit(f"These runs failed: {', '.join(left)}.")
+    run_script(lambda: study(tyro.cli(StudyConfig, description=__doc__)))

@@ -7,10 +7,7 @@ again, it goes on where it was. Each finished run leaves a record in docs/result
 are made from these records alone: copied there from other machines, they count as done here.
 """
 
-import logging
 import os
-import signal
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -19,7 +16,7 @@ import tyro
 from planning_table.experiments import ALL
 from planning_table.page import write_tables
 from planning_table.records import load_records
-from planning_table.work import Place, prepare, run_all
+from planning_table.work import Place, prepare, run_all, run_script
 
 
 @dataclass(frozen=True)
@@ -75,10 +72,4 @@ def table6(config: TableConfig) -> list[str]:
 
 
 if __name__ == "__main__":
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
-    for number in (signal.SIGTERM, signal.SIGHUP):
-        if signal.getsignal(number) != signal.SIG_IGN:
-            signal.signal(number, lambda number, _: sys.exit(128 + number))
-    left = table6(tyro.cli(TableConfig, description=__doc__))
-    if left:
-        sys.exit(f"These runs failed: {', '.join(left)}.")
+    run_script(lambda: table6(tyro.cli(TableConfig, description=__doc__)))

@@ -163,6 +163,7 @@ class RunFolder:
             "accelerator": "auto",
             "devices": 1,
             "num_nodes": 1,
+            "allow_seen_scenes": False,
         }
         before = replace(self.config(), **free)  # type: ignore[arg-type]
         now = replace(config, **free)  # type: ignore[arg-type]

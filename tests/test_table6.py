@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from world_fixture import SMALL_FLAGS, TinyRun
+from world_fixture import SMALL_FLAGS, TinyRun, command
 
 from lss_core.errors import DataError
 from lss_core.files import sole_writer
@@ -77,6 +77,44 @@ def test_runs_are_trained_evaluated_and_not_repeated(table: Any, place: Any) -> 
     line = next(line for line in text.splitlines() if line.startswith("| **camera**"))
     cells = [cell.strip() for cell in line.split("|")]
     assert cells[3].startswith(f"{sum(top10) / 2:.1f} ({min(top10):.1f} to {max(top10):.1f}) [")
+
+
+@pytest.mark.slow
+def test_both_ways_of_placing_features_are_compared_and_a_run_is_shipped(
+    monkeypatch: pytest.MonkeyPatch, place: Any, tmp_path: Path
+) -> None:
+    monkeypatch.syspath_prepend(ROOT / "scripts")
+    study, ship = (importlib.import_module(name) for name in ("frustum_study", "ship_planner"))
+    runs = [run for run in study.RUNS if run.seed == 0]
+    assert sys.modules["planning_table.work"].run_all(runs, place, 1, FLAGS) == []
+    lines = study.table(study.load_records(place.records)).splitlines()
+    rows = {line.split(" | ")[0]: line for line in lines if line.startswith("| ")}
+    assert {"| `cell`: 0", "| `sampled`: 0", "| `sampled` minus `cell`", "| prior"} <= set(rows)
+    nll = [
+        json.loads((place.records / f"{way}-0.json").read_text())["methods"]["model"]["nll"][
+            "value"
+        ]
+        for way in ("sampled", "cell")
+    ]
+    said = rows["| `sampled` minus `cell`"].split(" | ")[4]
+    assert float(said.split(" ")[0]) == pytest.approx(nll[0] - nll[1], abs=0.01)
+
+    card = place.folder / "world" / "world.json"
+    card.write_text('{"train_scenes": 4, "val_scenes": 3, "seed": 0}')
+    run, out = place.folder / "cell-0", tmp_path / "shipped"
+    picture = tmp_path / "templates.png"
+    picture.write_bytes(b"a picture")
+    ship.ship(ship.ShipConfig(run, out, picture, "../runs/world"))
+    assert not (out / "checkpoints").exists()
+    said_by = [
+        command("shoot-evaluate", folder, "--out", tmp_path / f"{folder.name}.json")
+        for folder in (run, out)
+    ]
+    assert [said.status for said in said_by] == [0, 0], said_by
+    ours, theirs = (json.loads((tmp_path / f"{n}.json").read_text()) for n in (run.name, out.name))
+    assert ours == theirs
+    value = ours["methods"]["model"]["nll"]["value"]
+    assert f"| {value:.2f} [" in (out / "README.md").read_text()
 
 
 @pytest.mark.slow

@@ -3,14 +3,15 @@
 import json
 import logging
 import os
+import signal
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NoReturn
 
 from lss_core.data.splits import official_scenes
 from lss_core.files import write_atomically
@@ -112,6 +113,16 @@ def run_all(
             pool.shutdown(wait=False, cancel_futures=True)
             queue.terminate()
             raise
+
+
+def run_script(do: Callable[[], list[str]]) -> NoReturn:
+    """Run a queue as a script, which ends well only if no run failed, and orderly on a signal."""
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, lambda number, _: sys.exit(128 + number))
+    failed = do()
+    sys.exit(f"These runs failed: {', '.join(failed)}." if failed else 0)
 
 
 class _Queue:

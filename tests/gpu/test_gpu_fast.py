@@ -16,8 +16,6 @@ from shoot.datamodule import load_split
 from shoot.fast import FastPlanner
 from shoot.prediction import TrainedRun, batches, open_run
 
-pytestmark = pytest.mark.skipif(not torch.cuda.is_available(), reason="There is no CUDA GPU here.")
-
 Sensors = tuple[TrainedRun, Batch]
 
 

@@ -8,8 +8,6 @@ import torch
 from lss_core.grid import BevGrid
 from lss_core.lidar_encoder import PillarEncoder
 
-pytestmark = pytest.mark.skipif(not torch.cuda.is_available(), reason="There is no CUDA GPU here.")
-
 GRID = BevGrid(-20.0, 20.0, -20.0, 20.0, 0.5)
 
 

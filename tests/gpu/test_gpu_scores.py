@@ -6,8 +6,6 @@ import torch
 from lss_core.grid import BevGrid
 from shoot.planner import Interpolation, OffGrid, score_templates
 
-pytestmark = pytest.mark.skipif(not torch.cuda.is_available(), reason="There is no CUDA GPU here.")
-
 GRID = BevGrid(-3.0, 9.0, -5.0, 5.0, 0.5)
 
 

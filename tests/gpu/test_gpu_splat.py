@@ -8,8 +8,6 @@ from lss_core.camera import frustum_points
 from lss_core.grid import BevGrid
 from lss_core.splat import SplatIndex, build_splat_index, pool
 
-pytestmark = pytest.mark.skipif(not torch.cuda.is_available(), reason="There is no CUDA GPU here.")
-
 GRID = BevGrid(-10.0, 10.0, -6.0, 6.0, 0.5)
 IMAGE_HW = (32, 64)
 DEPTHS_M = torch.arange(2.0, 12.0)

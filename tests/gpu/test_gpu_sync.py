@@ -10,8 +10,6 @@ from test_host_waits import CONFIG, some_batch
 from lss_core.model import CameraModel
 from shoot.planner import Planner
 
-pytestmark = pytest.mark.skipif(not torch.cuda.is_available(), reason="There is no CUDA GPU here.")
-
 
 @contextmanager
 def _waiting_is_an_error() -> Iterator[None]:
