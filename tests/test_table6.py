@@ -45,7 +45,7 @@ def place(table: Any, tiny_run: TinyRun, tmp_path: Path) -> Any:
     (folder / "templates.npz").write_bytes(tiny_run.templates.read_bytes())
     card = folder / "world" / "world.json"
     if not card.exists():
-        card.write_text('{"train_scenes": 4}')
+        card.write_text('{"train_scenes": 4, "val_scenes": 3, "seed": 0}')
     return table.work.Place(folder, tmp_path / "records")
 
 
@@ -90,17 +90,11 @@ def test_both_ways_of_placing_features_are_compared_and_a_run_is_shipped(
     lines = study.table(study.load_records(place.records)).splitlines()
     rows = {line.split(" | ")[0]: line for line in lines if line.startswith("| ")}
     assert {"| `cell`: 0", "| `sampled`: 0", "| `sampled` minus `cell`", "| prior"} <= set(rows)
-    nll = [
-        json.loads((place.records / f"{way}-0.json").read_text())["methods"]["model"]["nll"][
-            "value"
-        ]
-        for way in ("sampled", "cell")
-    ]
+    records = [json.loads((place.records / f"{w}-0.json").read_text()) for w in study._WAYS]
+    cell, sampled = (record["methods"]["model"]["nll"]["value"] for record in records)
     said = rows["| `sampled` minus `cell`"].split(" | ")[4]
-    assert float(said.split(" ")[0]) == pytest.approx(nll[0] - nll[1], abs=0.01)
+    assert float(said.split(" ")[0]) == pytest.approx(sampled - cell, abs=0.01)
 
-    card = place.folder / "world" / "world.json"
-    card.write_text('{"train_scenes": 4, "val_scenes": 3, "seed": 0}')
     run, out = place.folder / "cell-0", tmp_path / "shipped"
     picture = tmp_path / "templates.png"
     picture.write_bytes(b"a picture")
