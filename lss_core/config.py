@@ -89,9 +89,9 @@ class ModelConfig:
         neck_channels: Width of the convolutions that join the backbone's two strides.
         stem_channels: Width of the BEV network's first stage (paper: 64, then 128, 256).
         decoder_channels: Width of the BEV network's decoder; half of it at full resolution.
-        frustum: Which pixel a feature cell stands for. `cell`: the cell's centre; `sampled`: where
-            the network looks, measured at its first weights; `released`: stretched to the image's
-            edges as in the released perception code.
+        frustum: Which pixel a feature cell stands for. `sampled`: the one where the network looks,
+            measured at its first weights; `cell`: the cell's centre; `released`: stretched to the
+            image's edges as in the released perception code.
         depth: Depth bins.
         grid: Bird's-eye-view grid.
         z_min_m: Points below are dropped.
@@ -106,7 +106,7 @@ class ModelConfig:
     neck_channels: int = 512
     stem_channels: int = 64
     decoder_channels: int = 256
-    frustum: Literal["cell", "sampled", "released"] = "cell"
+    frustum: Literal["sampled", "cell", "released"] = "sampled"
     depth: DepthBins = field(default_factory=DepthBins)
     grid: BevGrid = field(default_factory=BevGrid)
     z_min_m: float = -10.0

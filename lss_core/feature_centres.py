@@ -1,5 +1,7 @@
 """Which pixel a network's features look at, measured at the network itself."""
 
+import math
+
 import torch
 from torch import Tensor
 
@@ -15,7 +17,8 @@ def first_feature_px(encoder: ImageEncoder, stride: int, seed: int = 0) -> tuple
     That is the centroid of the gradient's absolute values: by how much each pixel moves what a
     feature cell says, over some random images and random sums of its channels. It is the cell's own
     centre, (stride - 1) / 2, only where a network pads more to the right and below than to the left
-    and above; most pad alike, so that each of their strides looks half a pixel up and left.
+    and above; most pad alike, so that each of their strides looks half a pixel up and left. A
+    network that nothing moves, as one of zeros, looks at the centre.
 
     Args:
         encoder: Asked in evaluation mode; left as it was, gradients and random numbers included.
@@ -37,6 +40,8 @@ def first_feature_px(encoder: ImageEncoder, stride: int, seed: int = 0) -> tuple
         (gradient,) = torch.autograd.grad((asked * sums).sum(), images)
     encoder.train(was_training)
     influence = gradient.double().abs().sum(dim=(0, 1))  # H W
+    if not 0.0 < float(influence.sum()) < math.inf:
+        return (stride - 1) / 2, (stride - 1) / 2
     first_row_px, first_column_px = (
         _centroid(influence.sum(dim=other)) - _CELLS * stride for other in (1, 0)
     )

@@ -1,5 +1,6 @@
 """Where features look: known networks, what is measured, and what a run keeps of it."""
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -21,7 +22,6 @@ CONFIG = ModelConfig(
     neck_channels=8,
     stem_channels=8,
     decoder_channels=8,
-    frustum="sampled",
     depth=DepthBins(min_m=4.0, max_m=12.0, step_m=2.0),
     grid=BevGrid(x_min_m=-16.0, x_max_m=16.0, y_min_m=-16.0, y_max_m=16.0, cell_m=2.0),
 )
@@ -51,6 +51,13 @@ def test_it_finds_the_middle_of_what_a_cell_sees(
 ) -> None:
     # padding is given as (rows, columns).
     assert first_feature_px(_Encoder(kernel, padding), 4) == pytest.approx(expected_uv, abs=1e-6)
+
+
+@pytest.mark.parametrize("weight", [0.0, math.nan])
+def test_a_network_that_nothing_moves_looks_at_the_centre(weight: float) -> None:
+    encoder = _Encoder(3, (1, 1))
+    nn.init.constant_(encoder.conv.weight, weight)
+    assert first_feature_px(encoder, 4) == (1.5, 1.5)
 
 
 def test_padding_on_all_sides_alike_looks_before_the_centre_padding_behind_looks_behind_it() -> (
