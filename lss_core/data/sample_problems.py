@@ -27,6 +27,8 @@ class SampleProblems:
         scene_problem: [C].
         camera_problem: [S, N].
         lidar_problem: [S].
+        warning_reason: [W] of what may be meant.
+        warning_text: [W].
     """
 
     problem_reason: NDArray[np.character]
@@ -34,6 +36,8 @@ class SampleProblems:
     scene_problem: NDArray[np.int64]
     camera_problem: NDArray[np.int64]
     lidar_problem: NDArray[np.int64]
+    warning_reason: NDArray[np.character]
+    warning_text: NDArray[np.character]
 
 
 def find_problems(
@@ -69,7 +73,30 @@ def find_problems(
     problems.mark(camera, near, _far_images(folder, tables, near, time_s, global_from_ego))
     of_lidar = np.zeros(len(lidar), dtype=np.int64)
     problems.mark(of_lidar, calibration[lidar], tables.mounting_problems)
-    return SampleProblems(problems.reasons, problems.texts, scene, camera, of_lidar)
+    warnings = _many_keyframes(folder, tables)
+    return SampleProblems(
+        problem_reason=problems.reasons,
+        problem_text=problems.texts,
+        scene_problem=scene,
+        camera_problem=camera,
+        lidar_problem=of_lidar,
+        warning_reason=np.asarray([warning.reason for warning in warnings], dtype=np.str_),
+        warning_text=np.asarray([warning.what for warning in warnings], dtype=np.str_),
+    )
+
+
+def _many_keyframes(folder: Path, tables: JoinedTables) -> list[Problem]:
+    """Of samples for which records of one sensor at several times claim to be the keyframe."""
+    rows = np.unique(tables.frames.sample[tables.rivals])
+    if not len(rows):
+        return []
+    first = tables.samples[int(rows[0])].token
+    text = (
+        f"{len(rows)} of {len(tables.samples)} samples, the first '{first}', have several keyframes"
+        f" of one sensor at different times in {_place(folder, SampleData)}; the nearest in time to"
+        " the sample is taken: is is_key_frame true for all records?"
+    )
+    return [Problem("several keyframes", text)]
 
 
 def _bad_poses(tables: JoinedTables) -> Iterable[tuple[int, Problem]]:
