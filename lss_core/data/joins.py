@@ -68,6 +68,7 @@ class JoinedTables:
         scenes: C records.
         locations: Where each scene was.
         samples: S records.
+        calibrations: K records.
         sample_scene: [S] row of its scene.
         frames: Keyframes of the cameras asked for and all LIDAR_TOP sweeps; all frames of scenes
             without any.
@@ -90,6 +91,7 @@ class JoinedTables:
     scenes: list[Scene]
     locations: list[str]
     samples: list[Sample]
+    calibrations: list[CalibratedSensor]
     sample_scene: NDArray[np.int64]
     frames: Frames
     global_from_ego: FloatArray
@@ -165,6 +167,7 @@ def _join(
         scenes=scenes,
         locations=[location[scene.log_token] for scene in scenes],
         samples=samples,
+        calibrations=calibrations,
         sample_scene=sample_scene,
         frames=frames,
         global_from_ego=global_from_ego,
