@@ -16,7 +16,7 @@ _REVERSE_S = 2.0
 _ENOUGH_S = 1.5
 # Slow scenes may all be driven backwards where there are fewer.
 _MANY = 3
-# An offset of all data sets that is worth a word.
+# An offset of a whole data set that is worth a word.
 _DOUBTFUL_RAD = np.deg2rad(5.0)
 
 
