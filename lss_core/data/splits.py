@@ -34,6 +34,11 @@ def official_scenes(version: str, split: str) -> tuple[str, ...]:
     return tuple(create_splits_scenes()[split])
 
 
+def has_own_splits(version_folder: Path) -> bool:
+    """Whether a data set lists its splits itself."""
+    return (version_folder / "splits.json").exists()
+
+
 def scenes_of_split(version_folder: Path, split: str) -> tuple[str, ...]:
     """Names of the scenes of a split; a `splits.json` (name -> scenes) in the folder overrides.
 
@@ -41,7 +46,7 @@ def scenes_of_split(version_folder: Path, split: str) -> tuple[str, ...]:
         DataError: If the split is unknown or `splits.json` is not what it should be.
     """
     override = version_folder / "splits.json"
-    if not override.exists():
+    if not has_own_splits(version_folder):
         return official_scenes(version_folder.name, split)
     try:
         splits = json.loads(override.read_text(encoding="utf-8"))
