@@ -27,7 +27,7 @@ from lss_core.legible import legible
 
 logger = logging.getLogger(__name__)
 
-_FORMAT = 5
+_FORMAT = 6
 # Letters of a description that are kept: one long text would make all of them as wide.
 _SHOWN = 1000
 # Time stamps are whole microseconds but travel as float64 seconds since 1970.
@@ -76,6 +76,8 @@ class SampleIndex:
         scene_problem: [C] which of them a scene's poses have.
         camera_problem: [S, N] which of them calibration, pose or size of an image have.
         lidar_problem: [S] which of them the mounting of the lidar has.
+        warning_reason: [W] kinds of what may be meant, but looks like a mistake.
+        warning_text: [W] what that is, with counts over the whole data set.
     """
 
     cameras: NDArray[np.character]
@@ -108,6 +110,8 @@ class SampleIndex:
     scene_problem: NDArray[np.int64]
     camera_problem: NDArray[np.int64]
     lidar_problem: NDArray[np.int64]
+    warning_reason: NDArray[np.character]
+    warning_text: NDArray[np.character]
 
     def problem(self, number: int) -> Problem:
         """The problem of this number, which is not 0."""
@@ -132,6 +136,8 @@ class SampleIndex:
 def load_index(root: str | Path, version: str, cameras: Iterable[str]) -> SampleIndex:
     """The index of a data set, from the cache if the tables have not changed since.
 
+    What looks like a mistake but may be meant is logged each time.
+
     Args:
         root: Folder that holds the version's folder.
         version: Name of the tables' folder, as `v1.0-trainval`.
@@ -140,8 +146,13 @@ def load_index(root: str | Path, version: str, cameras: Iterable[str]) -> Sample
     Raises:
         DataError: If the folder, the version, a table or a camera is missing or unreadable.
     """
-    root = Path(root)
-    cameras = tuple(cameras)
+    index = _cached_index(Path(root), version, tuple(cameras))
+    for text in index.warning_text.tolist():
+        logger.warning("%s.", legible(text))
+    return index
+
+
+def _cached_index(root: Path, version: str, cameras: tuple[str, ...]) -> SampleIndex:
     tables = _check_tables(root, version)
     stamp = [str(root.resolve()), version, _FORMAT, cameras]
     for table in tables:
