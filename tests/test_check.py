@@ -4,12 +4,14 @@ import json
 import math
 import os
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image
+from pyquaternion import Quaternion
 from tiny_tables import (
     KEPT_A_SCENE,
     KEYFRAMES_A_SCENE,
@@ -33,6 +35,8 @@ from shoot.data_report import format_report, survey, view_cameras
 from shoot.rendering import render_calibration
 
 SCENES = 3
+HALF = math.sqrt(0.5)
+Row = dict[str, Any]
 
 
 def check(root: Path, *more: object) -> Said:
@@ -219,8 +223,6 @@ def test_angles_of_a_turned_camera(spoilt: Path, tmp_path: Path) -> None:
 
 
 def quaternion_of(rotation: np.ndarray) -> tuple[float, float, float, float]:
-    from pyquaternion import Quaternion
-
     w, x, y, z = Quaternion(matrix=rotation, rtol=1e-6, atol=1e-6)
     return w, x, y, z
 
@@ -377,6 +379,88 @@ def test_names_cannot_steer_a_terminal(tmp_path: Path) -> None:
     text = format_report(survey(index, root, VERSION))
     assert "\x1b" not in text
     assert "here" in text
+
+
+# Tables made wrong on purpose
+
+
+def turned(rotation: list[float], by: list[float]) -> list[float]:
+    """A quaternion w, x, y, z of a frame whose axes are turned by another in itself."""
+    return [float(number) for number in Quaternion(rotation) * Quaternion(by)]
+
+
+def y_forward(record: Row) -> None:
+    record["rotation"] = turned(record["rotation"], [HALF, 0.0, 0.0, -HALF])
+
+
+def x_backward(record: Row) -> None:
+    record["rotation"] = turned(record["rotation"], [0.0, 0.0, 0.0, 1.0])
+
+
+def camera_axes(record: Row) -> None:
+    record["rotation"] = turned(record["rotation"], [0.5, -0.5, 0.5, -0.5])
+
+
+def real_part_last(record: Row) -> None:
+    w, x, y, z = record["rotation"]
+    record["rotation"] = [x, y, z, w]
+
+
+def inverted(record: Row) -> None:
+    rotation = Quaternion(record["rotation"]).inverse
+    record["rotation"] = list(rotation)
+    record["translation"] = (-rotation.rotate(np.asarray(record["translation"]))).tolist()
+
+
+def never_turned(record: Row) -> None:
+    record["rotation"] = [1.0, 0.0, 0.0, 0.0]
+
+
+def inverted_camera(record: Row) -> None:
+    if record["camera_intrinsic"]:
+        inverted(record)
+
+
+def full_size_intrinsics(record: Row) -> None:
+    if record["camera_intrinsic"]:
+        rows = 2.0 * np.asarray(record["camera_intrinsic"][:2])
+        record["camera_intrinsic"] = [*rows.tolist(), [0.0, 0.0, 1.0]]
+
+
+@pytest.mark.parametrize(
+    ("table", "spoil", "mistake"),
+    [
+        ("ego_pose", y_forward, "the ego's y axis looks forward instead of x"),
+        ("ego_pose", x_backward, "the ego frame looks turned by half a turn"),
+        ("ego_pose", camera_axes, "the ego's axes look like a camera's"),
+        ("ego_pose", real_part_last, "looks like x, y, z, w"),
+        ("ego_pose", inverted, "the pose looks inverted"),
+        ("ego_pose", never_turned, "as if headings had never been written"),
+        ("calibrated_sensor", inverted_camera, "the mounting looks inverted"),
+        ("calibrated_sensor", full_size_intrinsics, "look like intrinsics of images 2 times as large"),
+    ],
+)
+def test_mistakes_are_named(
+    table: str, spoil: Callable[[Row], None], mistake: str, spoilt: Path, tmp_path: Path
+) -> None:
+    records = read_table(spoilt, table)
+    for record in records:
+        spoil(record)
+    write_table(spoilt, table, records)
+    report = report_of(spoilt, tmp_path / "out", status=2)
+    errors = [one for one in report["findings"] if one["level"] == "error"]
+    assert any(mistake in text for one in errors for text in one["texts"]), errors
+    # What can be drawn shows it.
+    assert (tmp_path / "out" / "CAM_FRONT.png").exists()
+
+
+def test_warnings_of_the_index_are_findings(spoilt: Path, tmp_path: Path) -> None:
+    frames = read_table(spoilt, "sample_data")
+    for frame in frames:
+        frame["is_key_frame"] = True
+    write_table(spoilt, "sample_data", frames)
+    report = report_of(spoilt, tmp_path / "out")
+    assert findings(report) == [("warning", "several keyframes")]
 
 
 # What users get wrong

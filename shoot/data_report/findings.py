@@ -21,10 +21,13 @@ _NAMED = 3
 
 
 def index_findings(index: SampleIndex) -> Iterator[Finding]:
-    """Every problem of the index, by kind: of scenes, of images, of lidar sweeps."""
+    """Every problem of the index, by kind: of scenes, images, lidar sweeps; then its warnings."""
     yield from _problems(index, index.scene_problem, "scenes")
     yield from _problems(index, index.camera_problem[index.has_camera], "images")
     yield from _problems(index, index.lidar_problem[index.lidar_path != ""], "lidar sweeps")
+    for reason in dict.fromkeys(index.warning_reason.tolist()):
+        texts = [str(text) for text in index.warning_text[index.warning_reason == reason]]
+        yield Finding("warning", reason, "", tuple(texts[:_NAMED]), len(texts))
 
 
 def _problems(index: SampleIndex, numbers: NDArray[np.int64], things: str) -> Iterator[Finding]:
