@@ -24,6 +24,8 @@ _HARDEST_MPS2 = 15.0
 _YAW_SLACK_RAD = 0.2
 _PLACE_SLACK_M = 0.5
 _CLOCK_SLACK_S = 0.02
+# A single clock is hardly wrong by more.
+_LATEST_S = 5.0
 # Poses may stand still for so long, or be behind by so much, because several sensors share one.
 _SHARED_S = 0.15
 _SHARED_M = 0.5
@@ -210,10 +212,11 @@ def _displaced(tracks: Tracks) -> Iterator[tuple[int, Flaw]]:
 def _why_displaced(off_m: FloatArray, way_m: FloatArray, speed_mps: float) -> str:
     distance_m, along_m = float(np.hypot(*off_m)), float(off_m @ way_m)
     along_m /= max(float(np.hypot(*way_m)), 1e-9)
-    if speed_mps < 1.0 or abs(along_m) < 0.95 * distance_m:
+    along_s = along_m / max(speed_mps, 1.0)
+    if speed_mps < 1.0 or abs(along_m) < 0.95 * distance_m or abs(along_s) > _LATEST_S:
         return ""
     when = "early" if along_m > 0.0 else "late"
-    return f"its time stamp looks {abs(along_m) / speed_mps:.2g} s too {when}, or its place wrong"
+    return f"its time stamp looks {abs(along_s):.2g} s too {when}, or its place wrong"
 
 
 def _worst(

@@ -138,7 +138,7 @@ def _tracks(tables: JoinedTables) -> Tracks:
 def _flawed(
     folder: Path, tables: JoinedTables, tracks: Tracks, warnings: list[Problem]
 ) -> tuple[list[tuple[int, Problem]], list[tuple[int, Problem]]]:
-    """Scenes whose poses contradict gravity, their motion or each other: as a whole, or one place.
+    """Scenes whose poses contradict gravity, their motion or each other; then single odd places.
 
     Args:
         folder: Holds the tables.
@@ -151,7 +151,8 @@ def _flawed(
     whole, single = [], []
     for scene, flaw in flaws.items():
         problem = _problem_of_flaw(folder, tables, scene, flaw, mistakes.get(scene, ""))
-        (single if flaw.reason == "place off its path" else whole).append((scene, problem))
+        is_single = flaw.reason == "place off its path" and scene not in mistakes
+        (single if is_single else whole).append((scene, problem))
     still, is_sure = standing(tracks)
     if still and is_sure:
         # Their headings turn without motion, which is no mistake of its own.

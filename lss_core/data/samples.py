@@ -19,7 +19,7 @@ from lss_core.data.array_file import map_arrays, save_arrays
 from lss_core.data.joins import LIDAR, JoinedTables, join_tables
 from lss_core.data.problems import Problem
 from lss_core.data.sample_problems import find_problems
-from lss_core.data.splits import scenes_of_split
+from lss_core.data.splits import has_own_splits, scenes_of_split
 from lss_core.data.tables import TABLES
 from lss_core.errors import DataError
 from lss_core.geometry import FloatArray, interpolate_poses, yaw_of
@@ -182,20 +182,41 @@ def rows_of_split(
 ) -> NDArray[np.int64]:
     """Rows of the samples whose scene belongs to a split, in the order of scenes and times.
 
+    Of an official split a part may be there, which is logged: people have parts of nuScenes. A list
+    of one's own says what is there.
+
     Raises:
-        DataError: If the split is unknown or none of its scenes is in the data set.
+        DataError: If the split is unknown, none of its scenes is in the data set, or one of those
+            that the data set's own `splits.json` lists is not.
     """
-    names = scenes_of_split(Path(root) / version, split)
+    folder = Path(root) / version
+    names = scenes_of_split(folder, split)
     wanted = np.isin(index.scene_name, list(names))
     rows = np.flatnonzero(wanted[index.sample_scene])
     if not len(rows):
         raise DataError(
-            f"None of the {len(names)} scenes of split '{split}' is in {Path(root) / version}; "
+            f"None of the {len(names)} scenes of split '{split}' is in {folder}; "
             "check the version and the split."
         )
+    _check_whole(index, folder, split, names)
     order = np.lexsort((index.time_s[rows], index.sample_scene[rows]))
     ordered: NDArray[np.int64] = rows[order]
     return ordered
+
+
+def _check_whole(index: SampleIndex, folder: Path, split: str, names: tuple[str, ...]) -> None:
+    present = set(index.scene_name.tolist())
+    missing = [name for name in dict.fromkeys(names) if name not in present]
+    if missing and has_own_splits(folder):
+        raise DataError(
+            f"{len(missing)} of the {len(set(names))} scenes that {folder / 'splits.json'} lists "
+            f"for split '{split}' are not in the tables, the first is '{missing[0]}'."
+        )
+    if missing:
+        num = len(set(names))
+        logger.warning(
+            "Split '%s': %d of %d scenes are in the tables.", split, num - len(missing), num
+        )
 
 
 def _cache_folder() -> Path:

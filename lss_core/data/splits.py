@@ -37,6 +37,11 @@ def official_scenes(version: str, split: str) -> tuple[str, ...]:
     return tuple(create_splits_scenes()[split])
 
 
+def has_own_splits(version_folder: Path) -> bool:
+    """Whether a data set lists its splits itself."""
+    return (version_folder / _OWN).exists()
+
+
 def scenes_of_split(version_folder: Path, split: str) -> tuple[str, ...]:
     """Names of the scenes of a split; a `splits.json` (name -> scenes) in the folder overrides.
 
@@ -71,9 +76,9 @@ def split_names(version_folder: Path) -> tuple[str, ...]:
 
 def _own_splits(version_folder: Path) -> dict[str, Any] | None:
     """What a `splits.json` says, if there is one."""
-    override = version_folder / _OWN
-    if not override.exists():
+    if not has_own_splits(version_folder):
         return None
+    override = version_folder / _OWN
     try:
         splits = json.loads(override.read_text(encoding="utf-8"))
     except OSError as error:

@@ -111,8 +111,8 @@ class Tracks:
         # One axis of time on which the scenes lie apart.
         axis_s = since_s + self.scene * (since_s.max(initial=0.0) + 2.0 * _STRETCH_S)
         ahead = np.searchsorted(axis_s, axis_s + _STRETCH_S - 1e-6)
-        ahead = np.minimum(ahead, len(axis_s) - 1)
-        elapsed_s = np.where(self.scene[ahead] == self.scene, axis_s[ahead] - axis_s, 0.0)
+        ahead = np.minimum(ahead, np.repeat(self.ends, lengths))
+        elapsed_s = axis_s[ahead] - axis_s
         way_m = self.place_m[ahead, :2] - self.place_m[:, :2]
         moved_m = np.hypot(*way_m.T)
         is_whole = (elapsed_s >= 0.5 * _STRETCH_S) & (elapsed_s <= _LONGEST_S)
@@ -121,7 +121,8 @@ class Tracks:
         bend_rad = np.abs(wrap_angle(direction_rad[ahead] - direction_rad))
         is_bent = (bend_rad > _TIGHTEST_PM * moved_m) & (speed_mps[ahead] > 0.5 * _SLOWEST_MPS)
         # A few of a second are enough, whatever the rate of the poses.
-        is_first = np.diff(np.floor(axis_s / _EVERY_S), prepend=-1.0) != 0.0
+        is_first = np.diff(np.floor(since_s / _EVERY_S), prepend=-1.0) != 0.0
+        is_first[self.starts] = True
         firsts = np.flatnonzero(is_first)
         lasts_s = np.minimum(np.diff(axis_s[firsts], append=np.inf), 0.5)
         chosen = ((speed_mps >= _SLOWEST_MPS) & ~is_bent)[firsts]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lss_core.data.samples import SampleIndex
-from lss_core.data.splits import scenes_of_split, split_names
+from lss_core.data.splits import has_own_splits, scenes_of_split, split_names
 from lss_core.geometry import FloatArray, direction_of, wrap_angle
 from shoot.data_report.facts import DriveFacts, FutureFacts, MotionFacts, SplitFacts, Spread
 from shoot.footprint import turn
@@ -58,7 +58,7 @@ def describe_drives(index: SampleIndex, folder: Path) -> DriveFacts:
 def _splits(index: SampleIndex, folder: Path) -> tuple[tuple[SplitFacts, ...], int]:
     """Splits that matter here, and the number of scenes in none of them."""
     facts, named = [], np.zeros(len(index.scene_name), dtype=bool)
-    own_lists = (folder / "splits.json").exists()
+    own_lists = has_own_splits(folder)
     for name in split_names(folder):
         listed = scenes_of_split(folder, name)
         here = np.isin(index.scene_name, list(listed))
