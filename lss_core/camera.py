@@ -131,6 +131,36 @@ def project(
     return pixels, depth_m
 
 
+def field_of_view(
+    pixel_from_camera: FloatArray, width_px: FloatArray | NDArray[np.int64]
+) -> FloatArray:
+    """Horizontal angle [...] between what the outer edges of an image's first and last column see.
+
+    Args:
+        pixel_from_camera: [..., 3, 3] intrinsics.
+        width_px: [...] columns of the image.
+    """
+    focal_px, centre_px = pixel_from_camera[..., 0, 0], pixel_from_camera[..., 0, 2]
+    left, right = centre_px + 0.5, width_px - 0.5 - centre_px
+    angle: FloatArray = np.arctan2(left, focal_px) + np.arctan2(right, focal_px)
+    return angle
+
+
+def horizon_line(pixel_from_camera: FloatArray, ego_from_camera: FloatArray) -> FloatArray:
+    """The line a, b, c of pixels u, v with a u + b v + c = 0 where level rays of `ego` end.
+
+    `b` is positive for a camera that stands upright: pixels below the horizon are on its positive
+    side.
+
+    Args:
+        pixel_from_camera: [3, 3] intrinsics.
+        ego_from_camera: [4, 4] camera pose.
+    """
+    # A pixel's ray is level if it has no share of the vertical, which is row 2 of the rotation.
+    line: FloatArray = -ego_from_camera[2, :3] @ np.linalg.inv(pixel_from_camera)
+    return line
+
+
 def resize_map(scale_x: float, scale_y: float | None = None) -> FloatArray:
     """Pixel map [3, 3] of resizing: the outer edges of the images meet, not the outer centres.
 
