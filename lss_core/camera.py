@@ -161,6 +161,23 @@ def horizon_line(pixel_from_camera: FloatArray, ego_from_camera: FloatArray) -> 
     return line
 
 
+def horizon_row(pixel_from_camera: FloatArray, ego_from_camera: FloatArray) -> float | None:
+    """Row at which a camera sees the horizon straight ahead of it, be it in its image or not.
+
+    None for a camera that looks straight up or down, and for one that lies on its side: its horizon
+    runs from top to bottom.
+
+    Args:
+        pixel_from_camera: [3, 3] intrinsics.
+        ego_from_camera: [4, 4] camera pose; `ego` stands level.
+    """
+    right_up, down_up, _ = ego_from_camera[2, :3]
+    a, b, c = horizon_line(pixel_from_camera, ego_from_camera)
+    if abs(right_up) > abs(down_up) or not b:
+        return None
+    return float(-(a * pixel_from_camera[0, 2] + c) / b)
+
+
 def resize_map(scale_x: float, scale_y: float | None = None) -> FloatArray:
     """Pixel map [3, 3] of resizing: the outer edges of the images meet, not the outer centres.
 
