@@ -11,6 +11,7 @@ from typing import Any
 import pytorch_lightning as pl
 import torch
 import torch.distributed as dist
+from lightning_fabric.utilities.exceptions import MisconfigurationException
 from pytorch_lightning.callbacks import LearningRateMonitor, ModelCheckpoint
 from pytorch_lightning.strategies import DDPStrategy
 from pytorch_lightning.utilities import rank_zero_only
@@ -21,6 +22,7 @@ from lss_core.data.usable import LEFT_OUT, save_left_out
 from lss_core.depth_targets import batch_depth_bins, depth_loss
 from lss_core.errors import DataError
 from lss_core.files import sole_writer
+from lss_core.grid import BevGrid
 from lss_core.model import CameraModel, make_model
 from lss_core.progress import on_terminal
 from shoot.allocation import keep_freed_memory
@@ -40,7 +42,7 @@ from shoot.loop_callbacks import (
 )
 from shoot.metrics import PlanningMetrics
 from shoot.metrics_file import MetricsFile
-from shoot.planner import Planner
+from shoot.planner import Planner, share_on_grid
 from shoot.precision import agreed_precision, fastest_precision
 from shoot.run_folder import LAST, RunFolder
 from shoot.signals import EndOnSignal
@@ -49,6 +51,8 @@ from shoot.training_motion import TrainingMotion
 
 logger = logging.getLogger(__name__)
 
+# What PyTorch says of a batch norm that has nothing to take a mean over.
+_LONE_VALUE = "Expected more than 1 value per channel"
 _TO_GO_ON = ("optimizer_states", "lr_schedulers", "loops", "callbacks", "global_step")
 
 
@@ -187,6 +191,32 @@ def check_templates(checkpoint: dict[str, Any], sha256: str, name: str) -> None:
         )
 
 
+def check_grid(templates: TemplateSet, grid: BevGrid) -> None:
+    """Check that templates can be told apart on a grid; warn where most of them leaves it.
+
+    Raises:
+        DataError: If no waypoint of any template lies on the grid.
+    """
+    share = share_on_grid(torch.tensor(templates.points), grid)
+    if share == 0.0:
+        (x_min_m, y_min_m), (x_max_m, y_max_m) = (
+            templates.points.reshape(-1, 2).min(axis=0),
+            templates.points.reshape(-1, 2).max(axis=0),
+        )
+        raise DataError(
+            f"No waypoint of the templates lies on the grid: they reach from x = {x_min_m:.1f} to "
+            f"{x_max_m:.1f} m and y = {y_min_m:.1f} to {y_max_m:.1f} m, the grid from x = "
+            f"{grid.x_min_m:g} to {grid.x_max_m:g} m and y = {grid.y_min_m:g} to "
+            f"{grid.y_max_m:g} m; choose another grid (--model.grid.x-min-m and so on)."
+        )
+    if share < 0.5:
+        rank_zero_only(logger.warning)(
+            "Only %.0f %% of the templates' waypoints lie on the grid; what the others cost the "
+            "map does not say.",
+            100.0 * share,
+        )
+
+
 def train(config: TrainConfig) -> Path:
     """Train a planner; returns the run folder.
 
@@ -201,6 +231,7 @@ def train(config: TrainConfig) -> Path:
     keep_freed_memory()
     check_shares(config.optim.batch_size, math.prod(_processes(config)))
     templates = TemplateSet.load(config.templates)
+    check_grid(templates, config.model.grid)
     run = RunFolder(Path(config.out))
     # Of several processes of one run the first keeps others out.
     is_first = int(os.environ.get("RANK", os.environ.get("LOCAL_RANK", "0"))) == 0
@@ -226,7 +257,11 @@ def _train(config: TrainConfig, run: RunFolder, templates: TemplateSet) -> Path:
     data = PlanningData(config, templates)
     rank_zero_only(save_left_out)(run.folder / LEFT_OUT, data.left_out)
     rank_zero_only(TrainingMotion.of(data.train_split).save)(run.motion_file)
-    module = PlanningModule(config, templates)
+    try:
+        module = PlanningModule(config, templates)
+        trainer = make_trainer(config, run, resume_from is not None)
+    except (ValueError, MisconfigurationException) as error:
+        raise DataError(f"These settings make no run: {error}") from error
     logger.info(
         "Training on %d samples (%d left out), validating on %d; %.2f M parameters, %s.",
         len(data.train_split.labels),
@@ -235,10 +270,14 @@ def _train(config: TrainConfig, run: RunFolder, templates: TemplateSet) -> Path:
         sum(p.numel() for p in module.parameters()) / 1e6,
         config.precision,
     )
-    trainer = make_trainer(config, run, resume_from is not None)
     try:
         trainer.fit(module, datamodule=data, ckpt_path=resume_from, weights_only=True)
     except (LookupError, TypeError, ValueError, AttributeError, RuntimeError) as error:
+        if _LONE_VALUE in str(error):
+            raise DataError(
+                f"A batch of {config.optim.batch_size} leaves batch norm a single value; choose a "
+                "larger batch, image or grid."
+            ) from error
         if resume_from is None or module.is_restored:
             raise
         raise DataError(

@@ -134,6 +134,17 @@ def command(name: str, *arguments: object) -> Said:
     return Said(status, out.getvalue(), err.getvalue())
 
 
+def complaint(said: Said) -> str:
+    """The sentence, if that is all there is."""
+    assert said.status == 2, said.err
+    assert "Traceback" not in said.out + said.err
+    sentences = [line for line in said.err.splitlines() if line.strip()]
+    assert len(sentences) == 1, said.err
+    assert sentences[0].startswith("error: ")
+    assert len(sentences[0]) < 600
+    return sentences[0]
+
+
 _SERVER = multiprocessing.get_context("forkserver")
 # One process imports everything once; each side process is a fork of it.
 _SERVER.set_forkserver_preload(

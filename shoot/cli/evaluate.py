@@ -3,10 +3,11 @@
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
 
+from lss_core.bounds import check_settings
 from lss_core.data.usable import LEFT_OUT, save_left_out
 from shoot.allocation import keep_freed_memory
 from shoot.cli.app import run
@@ -40,11 +41,14 @@ class EvaluateConfig:
     out: str = "report.json"
     html: str | None = None
     split: str = "val"
-    checkpoint: str = "last"
+    checkpoint: Literal["last", "best"] = "last"
     templates: str | None = None
     fast: bool = False
     allow_seen_scenes: bool = False
     data: OtherData = field(default_factory=OtherData)
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 def evaluate(config: EvaluateConfig) -> Report:

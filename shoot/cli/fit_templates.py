@@ -3,11 +3,13 @@
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lss_core.config import CAMERAS
+from lss_core.bounds import Bounds, Seed, check_settings
+from lss_core.config import CAMERAS, check_cameras
 from lss_core.data.samples import SampleIndex, load_index, rows_of_split
 from lss_core.data.usable import LEFT_OUT, LeftOut, save_left_out, usable_scenes
 from lss_core.errors import DataError
@@ -18,6 +20,7 @@ from shoot.templates import TemplateSet, fit_templates, fit_templates_stream
 from shoot.trajectories import mine_futures
 
 _SCENES_A_CHUNK = 50
+NumTemplates = Annotated[int, Bounds(1, 1_000_000)]
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,10 @@ class DataSource:
     version: str = "v1.0-trainval"
     cameras: tuple[str, ...] = CAMERAS
     skip_bad: bool = False
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+        check_cameras(self.cameras)
 
 
 @dataclass(frozen=True)
@@ -57,10 +64,13 @@ class FitTemplatesConfig:
     out: str
     split: str = "train"
     coverage_split: str = "val"
-    k: int = 1000
-    seed: int = 0
+    k: NumTemplates = 1000
+    seed: Seed = 0
     stream: bool = False
     dask: str | None = None
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 def fit(config: FitTemplatesConfig) -> TemplateSet:
