@@ -16,7 +16,7 @@ from PIL import Image
 
 from lss_core.data import TablesWriter
 from lss_core.errors import DataError
-from lss_core.geometry import invert
+from lss_core.geometry import FloatArray, invert
 from shoot.cli.app import run
 
 # KITTI's cameras look straight ahead, 1.65 m above the road; x is right, y down, z forward. The ego
@@ -45,7 +45,7 @@ class KittiConfig:
     camera: Literal[0, 2] = 0
 
 
-def read_calibration(path: Path, camera: int) -> tuple[np.ndarray, np.ndarray]:
+def read_calibration(path: Path, camera: int) -> tuple[FloatArray, FloatArray]:
     """Intrinsics [3, 3] and `camera0_from_camera` [4, 4] from the projection P = K [I | t]."""
     lines = dict(line.split(":") for line in path.read_text().splitlines() if line.strip())
     projection = np.array(lines[f"P{camera}"].split(), dtype=float).reshape(3, 4)
@@ -54,33 +54,44 @@ def read_calibration(path: Path, camera: int) -> tuple[np.ndarray, np.ndarray]:
     return projection[:, :3], camera0_from_camera
 
 
+def read_poses(path: Path) -> FloatArray:
+    """`global_from_ego` [P, 4, 4]: in a file is camera 0 in the frame of its first image."""
+    camera0 = np.array(path.read_text().split(), dtype=float).reshape(-1, 3, 4)
+    first_from_camera0 = np.tile(np.eye(4), (len(camera0), 1, 1))
+    first_from_camera0[:, :3] = camera0
+    return EGO_FROM_CAMERA0 @ first_from_camera0 @ invert(EGO_FROM_CAMERA0)
+
+
 def add_sequence(writer: TablesWriter, config: KittiConfig, sequence: str) -> list[str]:
     """Cut a sequence into scenes of about 20 s; returns their names."""
     folder = config.kitti / "sequences" / sequence
     images = sorted((folder / f"image_{config.camera}").glob("*.png"))
     times_s = np.array((folder / "times.txt").read_text().split(), dtype=float)
-    poses = np.tile(np.eye(4), (len(times_s), 1, 1))
-    rows = (config.kitti / "poses" / f"{sequence}.txt").read_text().split()
-    poses[:, :3] = np.array(rows, dtype=float).reshape(-1, 3, 4)
-    # The first camera frame is the world of KITTI's poses, the first ego frame is ours.
-    global_from_ego = EGO_FROM_CAMERA0 @ poses @ invert(EGO_FROM_CAMERA0)
+    global_from_ego = read_poses(config.kitti / "poses" / f"{sequence}.txt")
+    if not len(images) == len(times_s) == len(global_from_ego) > 0:
+        counts = f"{len(images)} images, {len(times_s)} times and {len(global_from_ego)} poses"
+        raise DataError(f"'{folder}' has {counts}, which must be as many.")
     intrinsics, camera0_from_camera = read_calibration(folder / "calib.txt", config.camera)
     width, height = Image.open(images[0]).size
     num_scenes = max(1, round((times_s[-1] - times_s[0]) / SCENE_S))
-    names = [f"kitti-{sequence}-{number:02d}" for number in range(num_scenes)]
-    for name, rows_of_scene in zip(names, np.array_split(np.arange(len(images)), num_scenes)):
+    names = []
+    for number, frames in enumerate(np.array_split(np.arange(len(images)), num_scenes)):
+        names.append(f"kitti-{sequence}-{number:02d}")
         scene = writer.add_scene(
-            name, times_s[rows_of_scene], global_from_ego[rows_of_scene], log=f"kitti-{sequence}"
+            names[-1], times_s[frames], global_from_ego[frames], log=f"kitti-{sequence}"
         )
         mounting = EGO_FROM_CAMERA0 @ camera0_from_camera
         scene.add_camera("CAM_FRONT", intrinsics, mounting, (height, width))
-        for row in rows_of_scene[::FRAMES_A_KEYFRAME]:
-            scene.add_keyframe(times_s[row], {"CAM_FRONT": images[row]})
+        for frame in frames[::FRAMES_A_KEYFRAME]:
+            scene.add_keyframe(times_s[frame], {"CAM_FRONT": images[frame]})
     return names
 
 
 def convert(config: KittiConfig) -> None:
     """Write the data set."""
+    unknown = set(config.val) - set(config.sequences)
+    if unknown:
+        raise DataError(f"--val {' '.join(sorted(unknown))} must be among --sequences, too.")
     writer = TablesWriter(config.out)
     splits: dict[str, list[str]] = {"train": [], "val": []}
     for sequence in config.sequences:
@@ -89,7 +100,7 @@ def convert(config: KittiConfig) -> None:
         except (ValueError, LookupError) as error:
             raise DataError(f"Sequence {sequence} is not as KITTI's are: {error}.") from error
         splits["val" if sequence in config.val else "train"] += names
-    print(f"Wrote {writer.write(splits)}; cameras: CAM_FRONT.")
+    print(f"Wrote {writer.write(splits)}; its camera is CAM_FRONT.")
 
 
 if __name__ == "__main__":

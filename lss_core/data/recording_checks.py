@@ -6,13 +6,17 @@ caller is at hand, and what he gives has names he knows.
 
 import math
 from collections.abc import Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from lss_core.data.problems import intrinsics_flaw, is_time, step_flaws, transform_flaws
 from lss_core.errors import DataError
 from lss_core.geometry import FloatArray, quaternion_of
+
+# What callers may give for an array: one of any type, or nested lists.
+Numbers: TypeAlias = NDArray[Any] | Sequence[Any]
 
 # Of a rotation's columns: matrices in text files have six digits.
 _RIGID_TOLERANCE = 1e-3
@@ -22,7 +26,7 @@ _WITHIN, _WITHIN_BOTH = (0.1, 0.9), (0.3, 0.7)
 _VIEW_DEG = (5.0, 170.0)
 
 
-def to_array(values: ArrayLike, shape: Sequence[int | None], what: str) -> FloatArray:
+def to_array(values: Numbers, shape: Sequence[int | None], what: str) -> FloatArray:
     """Numbers as an array of a shape, in which None stands for any length.
 
     Raises:
@@ -43,16 +47,16 @@ def to_array(values: ArrayLike, shape: Sequence[int | None], what: str) -> Float
     return array
 
 
-def to_us(time_s: ArrayLike, what: str) -> NDArray[np.int64]:
-    """Seconds, of any origin, as whole microseconds.
+def to_us(time_s: Numbers, what: str) -> NDArray[np.int64]:
+    """[T] seconds, of any origin, as whole microseconds.
 
     Raises:
         DataError: If they cannot be seconds.
     """
-    seconds = np.asarray(time_s, dtype=np.float64)
-    good = np.isfinite(seconds) & is_time(seconds * 1e6)
+    seconds = to_array(time_s, (None,), what)
+    good = is_time(seconds * 1e6)
     if not good.all():
-        raise DataError(f"{what} {seconds[~good].flat[0]:g} is no time in seconds.")
+        raise DataError(f"{what} must be in seconds, got {seconds[~good][0]:g}.")
     times_us: NDArray[np.int64] = np.round(seconds * 1e6).astype(np.int64)
     return times_us
 

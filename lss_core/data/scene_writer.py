@@ -4,12 +4,13 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from lss_core.data.file_checks import image_problem, sweep_problem
 from lss_core.data.file_names import is_plain
 from lss_core.data.placed_files import place_bytes, place_file
 from lss_core.data.recording_checks import (
+    Numbers,
     check_intrinsics,
     check_poses,
     check_size,
@@ -45,13 +46,11 @@ class SceneWriter:
         DataError: If it is not as described; the methods' errors are the same.
     """
 
-    def __init__(
-        self, root: Path, name: str, time_s: ArrayLike, global_from_ego: ArrayLike
-    ) -> None:
+    def __init__(self, root: Path, name: str, time_s: Numbers, global_from_ego: Numbers) -> None:
         self.name = check_name(name, "scene")
         self._root = root
         what = f"poses of scene '{name}'"
-        time_us = to_us(to_array(time_s, (None,), f"Times of {what}"), f"Among times of {what},")
+        time_us = to_us(time_s, f"Times of {what}")
         poses = to_array(global_from_ego, (len(time_us), 4, 4), what)
         check_poses(time_us, poses, what)
         self.recording = Recording(name, time_us, poses)
@@ -59,8 +58,8 @@ class SceneWriter:
     def add_camera(
         self,
         channel: str,
-        rawpixel_from_camera: ArrayLike,
-        ego_from_camera: ArrayLike,
+        rawpixel_from_camera: Numbers,
+        ego_from_camera: Numbers,
         image_hw: tuple[int, int],
     ) -> None:
         """Mount a camera, an undistorted pinhole.
@@ -79,7 +78,7 @@ class SceneWriter:
         check_intrinsics(matrix, size, what)
         self._mount(channel, Mounting(self._pose(ego_from_camera, what), matrix, size), what)
 
-    def add_lidar(self, ego_from_lidar: ArrayLike) -> None:
+    def add_lidar(self, ego_from_lidar: Numbers) -> None:
         """Mount a lidar [4, 4]; poses of its sweeps are then the scene's path: add all of them."""
         what = f"The lidar of scene '{self.name}'"
         if self.recording.keyframes_us:
@@ -91,7 +90,7 @@ class SceneWriter:
         time_s: float,
         images: Mapping[str, str | Path],
         image_time_s: Mapping[str, float] | None = None,
-        sweep: str | Path | ArrayLike | None = None,
+        sweep: str | Path | Numbers | None = None,
     ) -> None:
         """Add a sample: a moment with an image of some or all cameras.
 
@@ -127,7 +126,7 @@ class SceneWriter:
         recording.keyframes_us.append(time_us)
         recording.frames |= {(frame.channel, frame.time_us): frame for frame in frames}
 
-    def add_sweep(self, time_s: float, sweep: str | Path | ArrayLike) -> None:
+    def add_sweep(self, time_s: float, sweep: str | Path | Numbers) -> None:
         """Add a sweep of the lidar between keyframes.
 
         Args:
@@ -145,8 +144,8 @@ class SceneWriter:
         time_s: float,
         instance: str,
         category: str,
-        size_m: ArrayLike,
-        global_from_box: ArrayLike,
+        size_m: Numbers,
+        global_from_box: Numbers,
     ) -> None:
         """Add an object's box at a keyframe.
 
@@ -175,7 +174,7 @@ class SceneWriter:
 
     def _moment(self, time_s: float, kind: str) -> int:
         """The time in microseconds, between the first and the last pose."""
-        time_us = int(to_us(time_s, f"Scene '{self.name}': the {kind}'s time"))
+        time_us = int(to_us([time_s], f"The time of a {kind} of scene '{self.name}'")[0])
         first, last = int(self.recording.time_us[0]), int(self.recording.time_us[-1])
         if not first <= time_us <= last:
             raise DataError(
@@ -184,7 +183,7 @@ class SceneWriter:
             )
         return time_us
 
-    def _pose(self, ego_from_sensor: ArrayLike, what: str) -> FloatArray:
+    def _pose(self, ego_from_sensor: Numbers, what: str) -> FloatArray:
         pose = to_array(ego_from_sensor, (4, 4), f"{what}: its mounting")
         check_transforms(pose[None], f"{what}: its mounting", is_mounting=True)
         return pose
@@ -204,7 +203,7 @@ class SceneWriter:
         name = f"samples/{channel}/{self.name}__{channel}__{time_us}{file.suffix.lower()}"
         return Frame(channel, time_us, place_file(file, self._root, name), keyframe)
 
-    def _sweep(self, time_us: int, sweep: str | Path | ArrayLike, keyframe: int | None) -> Frame:
+    def _sweep(self, time_us: int, sweep: str | Path | Numbers, keyframe: int | None) -> Frame:
         if (LIDAR, time_us) in self.recording.frames:
             raise DataError(f"Scene '{self.name}' has two sweeps at {time_us / 1e6:.6f} s.")
         folder = "sweeps" if keyframe is None else "samples"
@@ -218,7 +217,7 @@ class SceneWriter:
             name = place_bytes(self._points(sweep).tobytes(), self._root, name)
         return Frame(LIDAR, time_us, name, keyframe)
 
-    def _points(self, sweep: ArrayLike) -> NDArray[np.float32]:
+    def _points(self, sweep: Numbers) -> NDArray[np.float32]:
         """[P, 5]; a ring that is not known is 0."""
         points = np.asarray(sweep, dtype=np.float32)
         if points.ndim != 2 or points.shape[1] not in (4, 5) or not len(points):

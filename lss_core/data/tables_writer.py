@@ -8,10 +8,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from numpy.typing import ArrayLike
 from PIL import Image
 
 from lss_core.data.placed_files import place_bytes
+from lss_core.data.recording_checks import Numbers
 from lss_core.data.scene_rows import LIDAR, POSES, scene_rows, scene_token
 from lss_core.data.scene_writer import SceneWriter, check_name
 from lss_core.data.table_rows import Row, token, write_tables
@@ -56,8 +56,8 @@ class TablesWriter:
     def add_scene(
         self,
         name: str,
-        time_s: ArrayLike,
-        global_from_ego: ArrayLike,
+        time_s: Numbers,
+        global_from_ego: Numbers,
         log: str = "",
         location: str = "",
         description: str = "",
