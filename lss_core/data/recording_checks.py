@@ -100,7 +100,7 @@ def check_poses(times_us: NDArray[np.int64], global_from_ego: FloatArray, what: 
     if (elapsed_s <= 0.0).any():
         row = int((elapsed_s <= 0.0).argmax())
         raise DataError(
-            f"Times of {what} must increase, but {times_us[row + 1] / 1e6:.6f} s follows "
+            f"{what} must have times that increase, but {times_us[row + 1] / 1e6:.6f} s follows "
             f"{times_us[row] / 1e6:.6f} s."
         )
     check_transforms(global_from_ego, what, is_mounting=False)

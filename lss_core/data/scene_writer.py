@@ -49,8 +49,8 @@ class SceneWriter:
     def __init__(self, root: Path, name: str, time_s: Numbers, global_from_ego: Numbers) -> None:
         self.name = check_name(name, "scene")
         self._root = root
-        what = f"poses of scene '{name}'"
-        time_us = to_us(time_s, f"Times of {what}")
+        what = f"Scene '{name}': poses"
+        time_us = to_us(time_s, f"Scene '{name}': times of poses")
         poses = to_array(global_from_ego, (len(time_us), 4, 4), what)
         check_poses(time_us, poses, what)
         self.recording = Recording(name, time_us, poses)
