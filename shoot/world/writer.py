@@ -19,6 +19,7 @@ import tyro
 
 from lss_core.bounds import Bounds, Seed, SettingError, Workers, check_settings
 from lss_core.data.splits import official_scenes
+from lss_core.data.table_rows import TABLE_NAMES, Row
 from lss_core.errors import DataError
 from lss_core.files import clear_leftovers, name_errors, sole_writer, write_atomically
 from lss_core.progress import progress
@@ -28,7 +29,7 @@ from shoot.world.maps import canvas_of, merge_layers, town_layers, town_mask, wr
 from shoot.world.paint import paint_unlit
 from shoot.world.rig import CAMERA_PLANS
 from shoot.world.roads import make_town
-from shoot.world.tables import TABLE_NAMES, Row, fixed_tables
+from shoot.world.tables import fixed_tables
 from shoot.world.tiling import LOCATIONS, TILE_M, Split, Tile, seed_of, tile_of
 from shoot.world.town import Town
 
