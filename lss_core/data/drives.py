@@ -112,7 +112,8 @@ def _digest(xy_m: NDArray[np.float64]) -> str:
     mixed = (cells * _FACTORS).sum(axis=1, dtype=np.uint64)
     mixed = (mixed ^ (mixed >> np.uint64(29))) * _FACTORS[1]
     smallest = np.unique((mixed >> np.uint64(32)).astype(">u4"))[:_KEPT]
-    return smallest.astype(">u4").tobytes().hex()
+    digest: str = smallest.astype(">u4").tobytes().hex()
+    return digest
 
 
 def _steps_of(scenes: Sequence[KnownScene]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -8,6 +8,7 @@ from typing import Annotated
 import tyro
 
 from lss_core.data.usable import LEFT_OUT, save_left_out
+from lss_core.files import check_writable
 from shoot.allocation import keep_freed_memory
 from shoot.cli.app import run
 from shoot.cli.render import OtherData
@@ -51,8 +52,11 @@ def evaluate(config: EvaluateConfig) -> Report:
     """Score, print the table and save the report.
 
     Raises:
-        DataError: If run or data are not as they should be.
+        DataError: If run or data are not as they should be, or the run has seen the scenes.
+        OSError: If a file cannot be written.
     """
+    for path in filter(None, (config.out, config.html)):
+        check_writable(path)
     trained = open_run(
         config.run,
         config.checkpoint,
