@@ -106,6 +106,7 @@ class Report:
             intervals.
         num_bad_samples: Samples left out because they cannot be used.
         resampled: What intervals are over.
+        num_seen_scenes: Scenes that the run was trained on, or its templates fitted.
     """
 
     split: str
@@ -118,6 +119,7 @@ class Report:
     by_scene: dict[str, dict[str, float | int | str]] = field(default_factory=dict)
     num_bad_samples: int = 0
     resampled: Groups = "scenes"
+    num_seen_scenes: int = 0
 
     def to_json(self) -> dict[str, Any]:
         """The form of report.json: plain dicts, lists, strings, numbers and null."""
@@ -128,6 +130,7 @@ class Report:
             "num_boxes_left_out": self.num_boxes_left_out,
             "num_samples_with_boxes_left_out": self.num_samples_with_boxes_left_out,
             "num_bad_samples": self.num_bad_samples,
+            "num_seen_scenes": self.num_seen_scenes,
             "by_manoeuvre": {name: part.to_json() for name, part in self.by_manoeuvre.items()},
             "by_condition": {name: part.to_json() for name, part in self.by_condition.items()},
             "by_speed": {name: part.to_json() for name, part in self.by_speed.items()},

@@ -54,9 +54,10 @@ def format_table(report: Report, width: int = 80) -> str:
 
 def _ranking_table(report: Report) -> Table:
     overall = report.overall
+    seen = f"; {report.num_seen_scenes} SEEN in training" if report.num_seen_scenes else ""
     table = _table(
         f"Split '{report.split}': {overall.num_samples} samples of {overall.num_scenes} scenes "
-        f"(95 % intervals over {name_groups(report.resampled, overall.num_groups)})"
+        f"(95 % intervals over {name_groups(report.resampled, overall.num_groups)}){seen}"
     )
     table.add_column("method", max_width=14)
     for _, header, _ in _RANKING_COLUMNS:

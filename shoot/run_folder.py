@@ -66,6 +66,11 @@ class RunFolder:
         return self.folder / "training_motion.npz"
 
     @property
+    def scenes_file(self) -> Path:
+        """Which scenes it has seen."""
+        return self.folder / "scenes.json"
+
+    @property
     def past_motion_file(self) -> Path:
         """Networks of the baseline past motion, kept by the first evaluation."""
         return self.folder / "past_motion.safetensors"

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from sklearn.metrics import pairwise_distances_argmin
 
 from lss_core.bounds import MAX_SEED
+from lss_core.data.drives import KnownScene
 from lss_core.errors import DataError
 from lss_core.files import write_atomically
 from lss_core.geometry import FloatArray
@@ -92,6 +93,22 @@ class TemplateSet:
         """Of the scenes they were fitted on, as far as the card tells."""
         tokens = self.card.get("scene_tokens")
         return tuple(map(str, tokens)) if isinstance(tokens, list) else ()
+
+    @property
+    def scenes(self) -> tuple[KnownScene, ...]:
+        """Those they were fitted on, as far as the card tells; older ones tell tokens only.
+
+        Raises:
+            ValueError: If the card's lists do not fit each other.
+        """
+        tokens = self.scene_tokens
+        unknown = [""] * len(tokens)
+        names = self.card.get("scene_names", unknown)
+        digests = self.card.get("scene_digests", unknown)
+        return tuple(
+            KnownScene(str(name), token, str(digest))
+            for name, token, digest in zip(names, tokens, digests, strict=True)
+        )
 
     def nearest(self, futures: FloatArray) -> NDArray[np.int64]:
         """[M] the template nearest in L2 (norm of all 2 T numbers) to each of [M, T, 2] futures.
@@ -174,11 +191,16 @@ class TemplateSet:
         if not isinstance(card, dict) or card.get("format_version") != FORMAT_VERSION:
             raise DataError(f"'{path}' is of another template format; fit it anew.")
         try:
-            return TemplateSet(points=points, dt_s=dt_s, counts=counts, card=card)
+            templates = TemplateSet(points=points, dt_s=dt_s, counts=counts, card=card)
         except ValueError as error:
             raise DataError(
                 f"'{path}' holds no [K, T, 2] float32 templates; fit it anew ({error})"
             ) from error
+        try:
+            templates.scenes  # noqa: B018
+        except (ValueError, TypeError) as error:
+            raise DataError(f"The card of '{path}' is damaged: {error}; fit it anew.") from error
+        return templates
 
 
 def fit_templates(futures: FloatArray, k: int, seed: int, dt_s: float | None = None) -> TemplateSet:

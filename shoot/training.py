@@ -3,7 +3,7 @@
 import logging
 import math
 import os
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from pytorch_lightning.utilities import rank_zero_only
 from torch import Tensor
 
 from lss_core.batch import Batch
+from lss_core.data.drives import KnownScene
 from lss_core.data.usable import LEFT_OUT, save_left_out
 from lss_core.depth_targets import batch_depth_bins, depth_loss
 from lss_core.errors import DataError
@@ -45,6 +46,7 @@ from shoot.metrics_file import MetricsFile
 from shoot.planner import Planner, share_on_grid
 from shoot.precision import agreed_precision, fastest_precision
 from shoot.run_folder import LAST, RunFolder
+from shoot.run_scenes import RunScenes
 from shoot.signals import EndOnSignal
 from shoot.templates import TemplateSet
 from shoot.training_motion import TrainingMotion
@@ -255,6 +257,7 @@ def _train(config: TrainConfig, run: RunFolder, templates: TemplateSet) -> Path:
             )
     pl.seed_everything(config.seed, workers=True, verbose=False)
     data = PlanningData(config, templates)
+    _keep_scenes(run, data.scenes, templates, resume_from is not None)
     rank_zero_only(save_left_out)(run.folder / LEFT_OUT, data.left_out)
     rank_zero_only(TrainingMotion.of(data.train_split).save)(run.motion_file)
     try:
@@ -287,6 +290,33 @@ def _train(config: TrainConfig, run: RunFolder, templates: TemplateSet) -> Path:
     if trainer.is_global_zero:
         write_weights(run.weights_file, module.state_dict(), templates.sha256)
     return run.folder
+
+
+def _keep_scenes(
+    run: RunFolder, scenes: RunScenes, templates: TemplateSet, is_resumed: bool
+) -> None:
+    """Write which scenes a run sees; one that is resumed must see those it has seen.
+
+    Raises:
+        DataError: If it does not.
+    """
+    begun = RunScenes.load(run.scenes_file) if is_resumed else None
+    if begun is not None:
+        scenes.check_resumes(begun, run.folder)
+        return
+    if is_resumed:
+        logger.warning(
+            "'%s' has no %s: what it was validated on cannot be compared, and what it was trained "
+            "on by token at best.",
+            run.folder,
+            run.scenes_file.name,
+        )
+        trained = scenes.trained
+        with suppress(DataError):
+            tokens = TrainingMotion.load(run.motion_file, templates).scene_token.tolist()
+            trained = tuple(KnownScene("", token) for token in tokens)
+        scenes.check_resumes(replace(scenes, trained=trained), run.folder)
+    rank_zero_only(scenes.save)(run.scenes_file)
 
 
 def make_trainer(config: TrainConfig, run: RunFolder, resume: bool = False) -> pl.Trainer:

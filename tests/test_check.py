@@ -437,7 +437,11 @@ def full_size_intrinsics(record: Row) -> None:
         ("ego_pose", inverted, "the pose looks inverted"),
         ("ego_pose", never_turned, "as if headings had never been written"),
         ("calibrated_sensor", inverted_camera, "the mounting looks inverted"),
-        ("calibrated_sensor", full_size_intrinsics, "look like intrinsics of images 2 times as large"),
+        (
+            "calibrated_sensor",
+            full_size_intrinsics,
+            "look like intrinsics of images 2 times as large",
+        ),
     ],
 )
 def test_mistakes_are_named(

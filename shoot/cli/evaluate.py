@@ -9,6 +9,7 @@ import tyro
 
 from lss_core.bounds import check_settings
 from lss_core.data.usable import LEFT_OUT, save_left_out
+from lss_core.files import check_writable
 from shoot.allocation import keep_freed_memory
 from shoot.cli.app import run
 from shoot.cli.render import OtherData
@@ -55,8 +56,11 @@ def evaluate(config: EvaluateConfig) -> Report:
     """Score, print the table and save the report.
 
     Raises:
-        DataError: If run or data are not as they should be.
+        DataError: If run or data are not as they should be, or the run has seen the scenes.
+        OSError: If a file cannot be written.
     """
+    for path in filter(None, (config.out, config.html)):
+        check_writable(path)
     trained = open_run(
         config.run,
         config.checkpoint,

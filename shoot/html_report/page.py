@@ -125,6 +125,11 @@ def _facts(report: Report, details: PageDetails) -> Html:
     }
     if report.resampled == "logs":
         facts["Samples"] += f" of {report.overall.num_groups} logs"
+    if report.num_seen_scenes:
+        facts["Seen in training"] = (
+            f"{report.num_seen_scenes} of these scenes: the run was trained on them, or its "
+            "templates fitted"
+        )
     if report.num_bad_samples:
         facts["Left out"] = f"{report.num_bad_samples} samples that cannot be used"
     if details.num_templates is not None:
