@@ -1,5 +1,6 @@
 """Calibrations of cameras held against their images and the car."""
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -24,6 +25,10 @@ _UNDER_ROAD_M = -0.5
 _STRANGE_HEIGHTS_M = (-2.0, 6.0)
 _DISTORTION_PX = 2.0
 _DISTORTION = 1e-3
+_OPENCV_LENGTHS = (4, 5)
+# Large enough for any model, and its powers are finite.
+_HUGE = 1e30
+_SHOWN = 8
 
 
 @dataclass(frozen=True)
@@ -117,33 +122,44 @@ def _distortion_flaws(
         numbers = _numbers(given) if given else []
         if not np.any(numbers):
             continue
-        shift_px = _largest_shift_px(rawpixel_from_camera[row], image_hw[row], np.asarray(numbers))
-        is_model = len(numbers) in (4, 5)
-        if shift_px > _DISTORTION_PX if is_model else np.abs(numbers).max() > _DISTORTION:
-            text = f"camera_distortion {numbers}"
-            text += f", which shifts a corner by {shift_px:.0f} px" if is_model else ""
-            text += "; undistort the images first, with their intrinsics"
-            yield CameraFlaw("distorted images", row, text)
+        is_model = len(numbers) in _OPENCV_LENGTHS
+        shift_px = (
+            _largest_shift_px(rawpixel_from_camera[row], image_hw[row], numbers)
+            if is_model
+            else math.inf
+        )
+        # Comparisons with what is no number are false.
+        if shift_px <= _DISTORTION_PX or (not is_model and np.abs(numbers).max() <= _DISTORTION):
+            continue
+        text = f"camera_distortion {numbers[:_SHOWN]}"
+        text += f", which shifts a corner by {shift_px:.0f} px" if is_model else ""
+        text += ", while cameras are pinholes here; undistort the images first"
+        yield CameraFlaw("distorted images", row, text)
 
 
 def _numbers(given: Any) -> list[float]:
-    """All numbers of a value, however it nests them."""
-    if isinstance(given, dict):
-        given = list(given.values())
-    if isinstance(given, list):
-        return [number for part in given for number in _numbers(part)]
-    return [float(given)] if isinstance(given, int | float) else []
+    """All numbers of a value of JSON, however it nests them."""
+    numbers, open_ones = [], [given]
+    while open_ones:
+        value = open_ones.pop()
+        if isinstance(value, dict):
+            value = list(value.values())
+        if isinstance(value, list):
+            open_ones += value[::-1]
+        elif isinstance(value, int | float):
+            numbers.append(float(max(min(value, _HUGE), -_HUGE)))
+    return numbers
 
 
 def _largest_shift_px(
-    rawpixel_from_camera: FloatArray, image_hw: NDArray[np.int64], numbers: FloatArray
+    rawpixel_from_camera: FloatArray, image_hw: NDArray[np.int64], numbers: list[float]
 ) -> float:
     """How far OpenCV's k1, k2, p1, p2 (, k3) shift the image's corners, at most."""
     (fx, fy), (cx, cy) = rawpixel_from_camera[[0, 1], [0, 1]], rawpixel_from_camera[:2, 2]
     height, width = np.where(image_hw > 0, image_hw, [2.0 * cy, 2.0 * cx])
     x = (np.asarray([0.0, width, 0.0, width]) - cx) / fx
     y = (np.asarray([0.0, 0.0, height, height]) - cy) / fy
-    k1, k2, p1, p2, k3 = np.append(numbers, 0.0)[:5] if len(numbers) in (4, 5) else np.zeros(5)
+    k1, k2, p1, p2, k3 = [*numbers, 0.0][:5]
     square = x**2 + y**2
     radial = k1 * square + k2 * square**2 + k3 * square**3
     x_shift = x * radial + 2.0 * p1 * x * y + p2 * (square + 2.0 * x**2)

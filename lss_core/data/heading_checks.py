@@ -16,7 +16,7 @@ _REVERSE_S = 2.0
 _ENOUGH_S = 1.5
 # Slow scenes may all be driven backwards where there are fewer.
 _MANY = 3
-# An offset of all data sets that is worth a word.
+# An offset of a whole data set that is worth a word.
 _DOUBTFUL_RAD = np.deg2rad(5.0)
 
 
@@ -79,13 +79,18 @@ def heading_offset(motion: Motion, left_out: list[int]) -> str:
     )
 
 
+def median_angles(motion: Motion, num: int) -> FloatArray:
+    """[num] by scene, in [0, pi]: how far the x axis is off the motion; 0 where nothing moves."""
+    return _medians(motion.scene, np.abs(motion.angle_rad), num)
+
+
 def _medians(scene: NDArray[np.int64], values: FloatArray, num: int) -> FloatArray:
     """[num] by scene; 0 where there is none."""
     order = np.lexsort((values, scene))
     counts = np.bincount(scene, minlength=num)
     starts = np.cumsum(counts) - counts
     middle = np.minimum(starts + counts // 2, len(values) - 1)
-    return np.where(counts > 0, values[order][middle], 0.0)
+    return np.where(counts > 0, values[order][middle], 0.0) if len(values) else np.zeros(num)
 
 
 def _in_words(motion: Motion, scene: int) -> str:

@@ -23,7 +23,7 @@ _HARDEST_MPS2 = 15.0
 # What localisation and clocks add to that.
 _YAW_SLACK_RAD = 0.2
 _PLACE_SLACK_M = 0.5
-_CLOCK_SLACK_S = 0.02
+_CLOCK_SLACK_S = 0.08  # as where each sensor has the nearest of ten poses a second
 # A single clock is hardly wrong by more.
 _LATEST_S = 5.0
 # Poses may stand still for so long, or be behind by so much, because several sensors share one.

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
+from lss_core.data.heading_checks import median_angles
 from lss_core.data.pose_checks import Flaw, find_flaws
 from lss_core.data.tracks import Tracks
 from lss_core.data.transforms import reordered
@@ -15,7 +16,9 @@ _Y_BACKWARD = _Y_FORWARD.T
 _X_BACKWARD = np.diag([-1.0, -1.0, 1.0])
 _X_FORWARD_Z_DOWN = np.diag([1.0, -1.0, -1.0])
 _Z_FORWARD_Y_DOWN = np.asarray([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
-# Directions agree as a whole if their mean is at least this long.
+# A mistake that is undone leaves headings this close to the motion.
+_CLOSE_RAD = np.deg2rad(10.0)
+# The mean cosine between directions that agree; a degree of noise is a radian there.
 _AGREED = 0.5
 
 
@@ -27,7 +30,7 @@ def likely_mistakes(tracks: Tracks, flaws: dict[int, Flaw]) -> dict[int, str]:
         flaws: By scene.
     """
     known = {scene: flaw.mistake for scene, flaw in flaws.items() if flaw.mistake}
-    open_ones = [scene for scene, flaw in flaws.items() if flaw.by_frame]
+    open_ones = sorted(scene for scene, flaw in flaws.items() if flaw.by_frame)
     if not open_ones:
         return known
     flawed = tracks.choose(open_ones)
@@ -36,15 +39,14 @@ def likely_mistakes(tracks: Tracks, flaws: dict[int, Flaw]) -> dict[int, str]:
         return known | dict.fromkeys(open_ones, text)
     explained: dict[str, set[int]] = {}
     for text, repaired in _repaired(flawed):
-        mended = set(open_ones) - set(find_flaws(repaired))
-        explained[text] = explained.get(text, set()) | mended
-    for scene in _of_degrees(flawed):
-        explained.setdefault("the heading looks like degrees taken for radians", set()).add(scene)
-    # What explains most is the likeliest; of equals the first.
-    by_weight = sorted(explained.items(), key=lambda entry: -len(entry[1]))
-    for text, scenes in reversed(by_weight):
-        known |= dict.fromkeys(scenes, text)
-    return known
+        off_rad = median_angles(repaired.motion, open_ones[-1] + 1)
+        close = {scene for scene in open_ones if off_rad[scene] < _CLOSE_RAD}
+        explained[text] = explained.get(text, set()) | (close - set(find_flaws(repaired)))
+    turning = {scene for scene in open_ones if flaws[scene].reason.startswith("heading")}
+    explained["the heading looks like degrees taken for radians"] = turning & _of_degrees(flawed)
+    # Some fit one scene or another by chance. Of those that explain as much the first is likeliest.
+    text, scenes = max(explained.items(), key=lambda entry: len(entry[1]))
+    return known | (dict.fromkeys(scenes, text) if 2 * len(scenes) > len(open_ones) else {})
 
 
 def _repaired(tracks: Tracks) -> Iterable[tuple[str, Tracks]]:
@@ -89,17 +91,15 @@ _ROTATIONS: dict[str, Callable[[FloatArray], FloatArray]] = {
 }
 
 
-def _of_degrees(tracks: Tracks) -> list[int]:
+def _of_degrees(tracks: Tracks) -> set[int]:
     """Scenes whose headings agree with their motion if degrees had been taken for radians."""
     motion = tracks.motion
     yaw_rad = tracks.yaw_rad[motion.middle]
-    found = []
+    found = set()
     for scene in np.unique(motion.scene).tolist():
         own = motion.scene == scene
         degrees = np.rad2deg(motion.direction_rad[own])
-        agreed = [
-            abs(np.exp(1j * (yaw_rad[own] - turned)).mean()) for turned in (degrees, degrees % 360)
-        ]
+        agreed = [np.cos(yaw_rad[own] - turned).mean() for turned in (degrees, degrees % 360)]
         if max(agreed) > _AGREED:
-            found.append(scene)
+            found.add(scene)
     return found

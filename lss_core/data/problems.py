@@ -152,8 +152,10 @@ class ProblemList:
         """
         if not problems:
             return
-        for place in np.argwhere(np.isin(things, list(problems)) & (numbers == 0)):
-            numbers[tuple(place)] = self.add(problems[int(things[tuple(place)])])
+        new = np.isin(things, list(problems)) & (numbers == 0)
+        bad, which = np.unique(things[new], return_inverse=True)
+        own = [self.add(problems[thing]) for thing in bad.tolist()]
+        numbers[new] = np.asarray(own, dtype=np.int64)[which]
 
     @property
     def reasons(self) -> NDArray[np.character]:

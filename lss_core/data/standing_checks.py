@@ -10,7 +10,8 @@ _STILL_M = 0.5
 _ENOUGH_S = 5.0
 _FEW = 5
 _SPEEDS_MPS = (0.5, 60.0)
-_M_A_DEGREE = 111_000.0
+# Of arcs on the earth: metres in one of them, and the largest latitude and longitude.
+_ARCS = {"degrees": (111_000.0, 90.0, 180.0), "radians": (6.37e6, 1.6, 3.2)}
 
 
 def standing(tracks: Tracks) -> tuple[str, bool]:
@@ -39,9 +40,12 @@ def standing(tracks: Tracks) -> tuple[str, bool]:
     is_even = (way > 0.5 * path) & (way > 0.0) & (ends - starts >= _FEW) & (lasts_s > 1.0)
     speed = np.max(way[is_even] / lasts_s[is_even], initial=0.0)
     slowest, fastest = _SPEEDS_MPS
-    largest = np.sort(np.abs(place).max(axis=0))
-    if slowest < speed * _M_A_DEGREE < fastest and largest[0] <= 90.0 and 1.0 < largest[1] <= 180.0:
-        return f"{measured}; the translation looks like degrees of latitude and longitude", True
+    smaller, larger = np.sort(np.abs(place).max(axis=0))
+    for unit, (metres, latitude, longitude) in _ARCS.items():
+        is_place = smaller <= latitude and latitude / 90.0 < larger <= longitude
+        if is_place and slowest < speed * metres < fastest:
+            text = f"{measured}; the translation looks like {unit} of latitude and longitude"
+            return text, True
     if slowest < speed * 1e3 < fastest:
         return f"{measured}; perhaps the translation is in kilometres", False
     return measured, False

@@ -87,7 +87,7 @@ class Tracks:
     @cached_property
     def ends(self) -> NDArray[np.int64]:
         """Rows of their last poses."""
-        ends: NDArray[np.int64] = np.append(self.starts[1:], len(self.time_s)) - 1
+        ends: NDArray[np.int64] = np.append(self.starts, len(self.time_s))[1:] - 1
         return ends
 
     @cached_property
