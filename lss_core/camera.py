@@ -161,6 +161,25 @@ def horizon_line(pixel_from_camera: FloatArray, ego_from_camera: FloatArray) -> 
     return line
 
 
+def horizon_row(pixel_from_camera: FloatArray, ego_from_camera: FloatArray) -> float | None:
+    """Row at which a camera sees the horizon straight ahead of it, be it in its image or not.
+
+    None for a camera that looks straight up or down, and for one that lies on its side: its horizon
+    runs from top to bottom.
+
+    Args:
+        pixel_from_camera: [3, 3] intrinsics.
+        ego_from_camera: [4, 4] camera pose; `ego` stands level.
+    """
+    right_up, down_up, _ = ego_from_camera[2, :3]
+    if abs(right_up) > abs(down_up):
+        return None
+    level = ego_from_camera[:3, 2] * [1.0, 1.0, 0.0]
+    # All level points in one direction appear in one row, whatever their distance.
+    pixel, _ = project(ego_from_camera[:3, 3] + level, pixel_from_camera, ego_from_camera)
+    return float(pixel[1]) if np.isfinite(pixel[1]) else None
+
+
 def resize_map(scale_x: float, scale_y: float | None = None) -> FloatArray:
     """Pixel map [3, 3] of resizing: the outer edges of the images meet, not the outer centres.
 

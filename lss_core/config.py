@@ -60,6 +60,8 @@ class ImageConfig:
             evaluation takes their mean. The rest of what is too much is cut off above.
         rotate_rad: Largest in-plane rotation in training.
         flip: Whether training mirrors single images (the intrinsics mirror with them).
+        horizon: Smallest shares of the network's rows above and below the horizon: a crop that
+            leaves less is moved. The default moves none of the crops above on nuScenes' cameras.
     """
 
     height_px: int = 128
@@ -68,12 +70,18 @@ class ImageConfig:
     crop_bottom: tuple[float, float] = (0.0, 0.22)
     rotate_rad: float = 0.0942
     flip: bool = True
+    horizon: tuple[float, float] = (0.15, 0.25)
 
     def __post_init__(self) -> None:
         if not all(1 <= side <= _MAX_SIDE_PX for side in (self.height_px, self.width_px)):
             raise ValueError(
                 f"Images of {self.height_px}x{self.width_px} px; both sides must lie in 1 to "
                 f"{_MAX_SIDE_PX}."
+            )
+        if not (min(self.horizon) >= 0.0 and sum(self.horizon) <= 1.0):
+            raise ValueError(
+                f"horizon is {self.horizon}, but must be two shares of 0 or more that add up to at "
+                "most 1."
             )
 
 

@@ -15,6 +15,7 @@ from torch.utils.data import DataLoader, Dataset, Sampler
 from lss_core.batch import Batch, collate
 from lss_core.config import DataConfig
 from lss_core.data.dataset import CameraDataset, LidarDataset
+from lss_core.data.padding import check_padding
 from lss_core.data.samples import SampleIndex, load_index, rows_of_split
 from lss_core.data.usable import LeftOut, Needs, usable_rows, usable_scenes
 from lss_core.errors import DataError
@@ -186,6 +187,8 @@ def label_rows(
         usable = usable_rows(index, Path(data.root), futures.sample, data.skip_bad, needs)
         futures = futures.select(np.isin(futures.sample, usable.rows))
         left_out += usable.left_out
+        if needs.images:
+            check_padding(index, data, futures.sample)
     return LabelledSplit(index, futures, templates.nearest(futures.xy_m), left_out)
 
 
@@ -309,6 +312,9 @@ class PlanningData(pl.LightningDataModule):
         self.train_split = load_split(
             config.data, config.train_split, templates, with_points=self._with_points
         )
+        if not config.data.lidar_scans:
+            train = self.train_split
+            check_padding(train.index, config.data, train.futures.sample, training=True)
         self.val_split = load_split(config.data, config.val_split, templates)
         shared = set(self.train_split.scene_names) & set(self.val_split.scene_names)
         if shared:

@@ -242,7 +242,7 @@ def test_pictures_show_path_horizon_and_crop(tiny_root: Path) -> None:
     for view in views:
         assert view.driven is not None
         # What is kept of the image is where the network's own corners come from.
-        pixel_map = draw_pixel_map(config, (90, 160), None)
+        pixel_map = draw_pixel_map(config, (90, 160), None, 45.0)
         height, width = pixel_map.image_hw
         kept = apply_map(pixel_map.pixel_from_rawpixel, view.kept)
         np.testing.assert_allclose(kept[0], [-0.5, -0.5], atol=1e-9)
