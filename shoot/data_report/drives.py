@@ -21,6 +21,7 @@ _DRIVING_MPS = 2.0
 _TURNING_RADPS = 0.05
 # A step between poses is a gap if it is so many times as long as the usual one.
 _GAP = 3.0
+_NAMED = 3
 
 
 def describe_drives(index: SampleIndex, folder: Path) -> DriveFacts:
@@ -58,14 +59,24 @@ def describe_drives(index: SampleIndex, folder: Path) -> DriveFacts:
 def _splits(index: SampleIndex, folder: Path) -> tuple[tuple[SplitFacts, ...], int]:
     """Splits that matter here, and the number of scenes in none of them."""
     facts, named = [], np.zeros(len(index.scene_name), dtype=bool)
-    own_lists = has_own_splits(folder)
+    is_own, present = has_own_splits(folder), set(index.scene_name.tolist())
     for name in split_names(folder):
-        listed = scenes_of_split(folder, name)
+        listed = dict.fromkeys(scenes_of_split(folder, name))
         here = np.isin(index.scene_name, list(listed))
-        if own_lists or here.any():
-            num_samples = int(here[index.sample_scene].sum())
-            facts.append(SplitFacts(name, len(set(listed)), int(here.sum()), num_samples))
-            named |= here
+        if not is_own and not here.any():
+            continue
+        missing = [scene for scene in listed if scene not in present]
+        facts.append(
+            SplitFacts(
+                name=name,
+                is_own=is_own,
+                num_listed=len(listed),
+                num_scenes=len(listed) - len(missing),
+                num_samples=int(here[index.sample_scene].sum()),
+                missing=tuple(missing[:_NAMED]),
+            )
+        )
+        named |= here
     return tuple(facts), int((~named).sum())
 
 

@@ -39,12 +39,22 @@ class Spread:
 
 @dataclass(frozen=True)
 class SplitFacts:
-    """A split's scenes: how many its list names, and how many of them and samples are there."""
+    """The scenes of a split.
+
+    Attributes:
+        name: Of the split.
+        is_own: Whether `splits.json` lists it, rather than nuScenes.
+        num_listed: Scenes that its list names.
+        num_scenes, num_samples: How many of these are there.
+        missing: Names of the first few that are not.
+    """
 
     name: str
+    is_own: bool
     num_listed: int
     num_scenes: int
     num_samples: int
+    missing: tuple[str, ...]
 
 
 @dataclass(frozen=True)

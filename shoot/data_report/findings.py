@@ -78,7 +78,12 @@ def use_findings(
     boxes: tuple[CategoryFacts, ...] | None,
     folder: Path,
 ) -> Iterator[Finding]:
-    """What the data set cannot be used for."""
+    """Lists of scenes that are not there; and what the data set cannot be used for."""
+    for split in drives.splits:
+        if split.is_own and split.missing:
+            num_missing = split.num_listed - split.num_scenes
+            where = f"{num_missing} of {split.num_listed} in split '{split.name}' of splits.json"
+            yield Finding("error", "scenes not in the tables", where, split.missing, num_missing)
     if not futures.num_labels:
         text = "no keyframe has 5 s of recorded future: nothing to train on or to score"
         yield Finding("note", "no futures", "", (text,), 1)

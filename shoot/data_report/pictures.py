@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from lss_core.camera import horizon_row
 from lss_core.config import ImageConfig
 from lss_core.data.dataset import ego_from_camera, raw_hw
 from lss_core.data.images import PixelMap, draw_pixel_map, load_image
@@ -86,12 +87,14 @@ def _view(
     except DataError:
         return None
     pixel_from_rawpixel = shown.pixel_from_rawpixel
-    given = draw_pixel_map(config, sides_px, None)
+    intrinsics = index.rawpixel_from_camera[row, camera]
+    horizon = horizon_row(intrinsics, index.egocam_from_camera[row, camera])
+    given = draw_pixel_map(config, sides_px, None, horizon)
     pixel_from_given = pixel_from_rawpixel @ np.linalg.inv(given.pixel_from_rawpixel)
     scene = str(index.scene_name[index.sample_scene[row]])
     return CalibrationView(
         image=image,
-        pixel_from_camera=pixel_from_rawpixel @ index.rawpixel_from_camera[row, camera],
+        pixel_from_camera=pixel_from_rawpixel @ intrinsics,
         ego_from_camera=ego_from_camera(index, row)[camera],
         driven=_driven(index, row),
         kept=_corners(pixel_from_given, given.image_hw),
