@@ -35,7 +35,7 @@ def test_every_changed_field_comes_back(tmp_path: Path) -> None:
             root="~/x",
             version="v1.0-mini",
             image=ImageConfig(64, 96, (0.5, 0.75), (0.0, 0.1), 0.0, False),
-            cameras=("CAM_BACK",),
+            cameras=("CAM_BACK", "CAM_LEFT", "CAM_RIGHT"),
             ego_motion=False,
             skip_bad=True,
             drop_cameras=2,

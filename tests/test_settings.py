@@ -133,7 +133,7 @@ IMPOSSIBLE_OTHERS: list[tuple[type, str, Any]] = [
 
 MAKE: dict[type, Callable[..., Any]] = {
     TrainConfig: partial(replace, PAPER),
-    DataSource: partial(DataSource, "data"),
+    DataSource: partial(DataSource, root="data"),
     FitTemplatesConfig: partial(FitTemplatesConfig, DataSource("data"), "t.npz"),
     RenderConfig: partial(RenderConfig, "run", "pictures"),
     EvaluateConfig: partial(EvaluateConfig, "run"),
