@@ -31,9 +31,8 @@ def heading_flaws(motion: Motion) -> dict[int, str]:
     num = int(motion.scene.max()) + 1
 
     def seconds(of: NDArray[np.bool_]) -> FloatArray:
-        # Of nothing at all, numpy counts in whole numbers.
-        counts = np.bincount(motion.scene[of], weights=motion.lasts_s[of], minlength=num)
-        return counts.astype(np.float64)
+        total_s = np.bincount(motion.scene[of], motion.lasts_s[of], minlength=num)
+        return total_s.astype(np.float64)
 
     everything = np.ones(len(motion.scene), dtype=bool)
     is_fast = motion.speed_mps >= _REVERSE_MPS
@@ -79,13 +78,18 @@ def heading_offset(motion: Motion, left_out: list[int]) -> str:
     )
 
 
+def median_angles(motion: Motion, num: int) -> FloatArray:
+    """[num] by scene, in [0, pi]: how far the x axis is off the motion; 0 where nothing moves."""
+    return _medians(motion.scene, np.abs(motion.angle_rad), num)
+
+
 def _medians(scene: NDArray[np.int64], values: FloatArray, num: int) -> FloatArray:
     """[num] by scene; 0 where there is none."""
     order = np.lexsort((values, scene))
     counts = np.bincount(scene, minlength=num)
     starts = np.cumsum(counts) - counts
     middle = np.minimum(starts + counts // 2, len(values) - 1)
-    return np.where(counts > 0, values[order][middle], 0.0)
+    return np.where(counts > 0, values[order][middle], 0.0) if len(values) else np.zeros(num)
 
 
 def _in_words(motion: Motion, scene: int) -> str:

@@ -19,6 +19,7 @@ from lss_core.data.recording_checks import (
     to_us,
 )
 from lss_core.data.scene_rows import LIDAR, POSES, Box, Frame, Mounting, Recording
+from lss_core.data.sweep_cuts import SceneSweeps
 from lss_core.errors import DataError
 from lss_core.geometry import FloatArray
 
@@ -209,7 +210,8 @@ class SceneWriter:
         folder = "sweeps" if keyframe is None else "samples"
         name = f"{folder}/{LIDAR}/{self.name}__{LIDAR}__{time_us}.pcd.bin"
         if isinstance(sweep, str | Path):
-            problem = sweep_problem(Path(sweep))
+            # The scene's other sweeps, by whose size a cut one is known, may be still to come.
+            problem = sweep_problem(Path(sweep), SceneSweeps(self._root, ()))
             if problem is not None:
                 raise DataError(problem.what)
             name = place_file(Path(sweep), self._root, name)
