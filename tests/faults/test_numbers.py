@@ -57,7 +57,9 @@ def test_a_bfloat16_planner_sums_in_float32(with_gradient: bool, tiny_run: TinyR
             model.config.depth.depths_m,
             sensors.pixel_from_camera,
             sensors.ego_from_camera,
+            model.first_px,
         )
+        assert model.first_px is not None
         assert points.dtype == torch.float32
         assert seen["pooled"].dtype == scores.dtype == torch.float32
     expected = lift_splat_cumsum(context.double(), depth_prob.double(), points, model.config.grid)
