@@ -24,6 +24,7 @@ from lss_core.data.pose_checks import find_flaws
 from lss_core.data.pose_repairs import likely_mistakes
 from lss_core.data.samples import SampleIndex, load_index
 from lss_core.data.tracks import Tracks
+from lss_core.errors import DataError
 from lss_core.geometry import rigid_from_yaw
 
 SCENES = (TRAIN_A, TRAIN_B, VAL)
@@ -44,7 +45,7 @@ def load(tmp_path: Path, tables: dict[str, list[Row]], monkeypatch: pytest.Monke
     monkeypatch.setenv("SHOOT_CACHE", str(tmp_path / "cache"))
 
     def load(**changed: list[Row]) -> SampleIndex:
-        (tmp_path / VERSION).mkdir()
+        (tmp_path / VERSION).mkdir(exist_ok=True)
         for name, records in (tables | changed).items():
             write_table(tmp_path, name, records)
         return load_index(tmp_path, VERSION, CAMERAS[:2])
@@ -399,6 +400,9 @@ def test_scenes_together_are_scenes_one_by_one() -> None:
 def test_without_poses_there_is_no_flaw(load: Any, tables: dict[str, list[Row]]) -> None:
     none = Tracks(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 4, 4)))
     assert find_flaws(none) == {}
-    index = load(sample_data=[])
-    assert set(index.problem_reason[index.scene_problem]) == {"scene without poses"}
+    with pytest.raises(DataError, match=r"sample_data\.json' has no record that is used"):
+        load(sample_data=[])
+    own = [row for row in tables["sample_data"] if VAL.name not in row["token"]]
+    index = load(sample_data=own)
+    assert index.problem_reason[index.scene_problem].tolist() == ["", "", "scene without poses"]
     assert not len(index.warning_text)

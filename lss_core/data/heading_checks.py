@@ -31,9 +31,8 @@ def heading_flaws(motion: Motion) -> dict[int, str]:
     num = int(motion.scene.max()) + 1
 
     def seconds(of: NDArray[np.bool_]) -> FloatArray:
-        # Of nothing at all, numpy counts in whole numbers.
-        counts = np.bincount(motion.scene[of], weights=motion.lasts_s[of], minlength=num)
-        return counts.astype(np.float64)
+        total_s = np.bincount(motion.scene[of], motion.lasts_s[of], minlength=num)
+        return total_s.astype(np.float64)
 
     everything = np.ones(len(motion.scene), dtype=bool)
     is_fast = motion.speed_mps >= _REVERSE_MPS

@@ -117,8 +117,8 @@ def join_tables(folder: Path, cameras: tuple[str, ...]) -> JoinedTables:
         cameras: Channels whose keyframes are wanted.
 
     Raises:
-        DataError: If a table cannot be read, a camera is unknown, there is no sample, a token leads
-            nowhere or a file's name out of the data root.
+        DataError: If a table cannot be read, a camera is unknown, there is no sample or sensor
+            record, a token leads nowhere or a file's name out of the data root.
     """
     sensors = {sensor.token: sensor.channel for sensor in read_table(folder, Sensor)}
     unknown = [camera for camera in cameras if camera not in sensors.values()]
@@ -152,6 +152,8 @@ def _join(
     has_lidar[sample_scene[frames.sample[frames.channel == LIDAR]]] = True
     if not has_lidar[sample_scene].all():
         frames = reader.read(~has_lidar[sample_scene])
+    if not len(frames.sample):
+        raise DataError(f"The table '{table_path(folder, SampleData)}' has no record that is used.")
     keyframe, rivals = _keyframes(frames, samples, len(reader.columns))
     images = keyframe[:, [reader.columns[camera] for camera in cameras]]
     global_from_ego, pose_problems = ego_poses(folder, frames.pose_token)

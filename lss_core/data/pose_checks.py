@@ -213,7 +213,8 @@ def _why_displaced(off_m: FloatArray, way_m: FloatArray, speed_mps: float) -> st
     distance_m, along_m = float(np.hypot(*off_m)), float(off_m @ way_m)
     along_m /= max(float(np.hypot(*way_m)), 1e-9)
     along_s = along_m / max(speed_mps, 1.0)
-    if speed_mps < 1.0 or abs(along_m) < 0.95 * distance_m or abs(along_s) > _LATEST_S:
+    is_driving = 1.0 < speed_mps < _TOP_SPEED_MPS
+    if not is_driving or abs(along_m) < 0.95 * distance_m or abs(along_s) > _LATEST_S:
         return ""
     when = "early" if along_m > 0.0 else "late"
     return f"its time stamp looks {abs(along_s):.2g} s too {when}, or its place wrong"

@@ -148,7 +148,8 @@ def _flawed(
     """
     flaws = find_flaws(tracks)
     mistakes = likely_mistakes(tracks, flaws)
-    whole, single = [], []
+    whole: list[tuple[int, Problem]] = []
+    single: list[tuple[int, Problem]] = []
     for scene, flaw in flaws.items():
         problem = _problem_of_flaw(folder, tables, scene, flaw, mistakes.get(scene, ""))
         is_single = flaw.reason == "place off its path" and scene not in mistakes

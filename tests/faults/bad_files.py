@@ -173,11 +173,19 @@ IMAGES = [
     ),
     Case(
         "images",
-        "size 1600 x 900 in the table",
-        change_frame("sample_data", CAMS[0], width=1600, height=900),
-        (NAME, "1600x900"),
+        "size 80 x 45 in the table",
+        change_frame("sample_data", CAMS[0], width=80, height=45),
+        (NAME, "80x45"),
         1,
         "image of another size",
+    ),
+    Case(
+        "images",
+        "size 1600 x 900 in the table",
+        change_frame("sample_data", CAMS[0], width=1600, height=900),
+        ("calibrated_sensor.json", "principal point", "images 0.04 times as large"),
+        1,
+        "calibration against image",
     ),
     Case(
         "images",
