@@ -285,7 +285,7 @@ def test_the_report_comes_before_the_complaint(spoilt: Path) -> None:
     said = check(spoilt)
     assert said.status == 2
     assert "CAM_FRONT_LEFT" in said.out
-    assert re.search(r"^error: [a-z ]+ \(1 of 3 scenes\): record 'scene-0003-", said.out, re.M)
+    assert re.search(r"^error: [a-z ]+ \(1 of 3 scenes\): records? 'scene-0003-", said.out, re.M)
     (complaint,) = said.err.strip().splitlines()
     assert complaint.startswith("error: ")
     assert str(spoilt) in complaint
