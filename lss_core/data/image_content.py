@@ -17,12 +17,12 @@ _AS_STORED = 1
 def content_problem(image: Image.Image, path: Path) -> Problem | None:
     """Why an image is not read though it could be: its pixels would come out other than meant.
 
-    8 bits a channel are read, in grey, by palette, in colour or CMYK; where there is transparency,
-    the colours under it count. Refused are
+    Up to 8 bits a channel are read, in grey, by palette, in colour or CMYK; where there is
+    transparency, the colours under it count. Refused are
 
     - 16 bits a channel: Pillow clips grey to white, and how many of the bits a camera used, 10, 12
       or all, stands nowhere;
-    - 1 bit a pixel, which is a mask; several frames, of which one would be taken;
+    - several frames, of which one would be taken;
     - an EXIF orientation other than upright. Some readers turn such images, others do not, so
       neither the calibration's rows nor the tables' width and height tell which pixels they mean.
 
@@ -41,8 +41,6 @@ def _flaw(image: Image.Image) -> str | None:
     if image.mode.startswith("I") or ";16" in str(getattr(image, "tile", "")):
         colour = "grey" if image.mode.startswith(("I", "L")) else "colour"
         return f"is 16-bit {colour} (mode {image.mode}); scale it to 8 bits and save it as RGB"
-    if image.mode == "1":
-        return "has 1 bit a pixel (mode 1), as masks have; save it as 8-bit RGB"
     frames = getattr(image, "n_frames", 1)
     # JPEGs of several pictures begin with the one that counts, previews follow.
     if image.format == "PNG" and frames > 1:

@@ -158,8 +158,15 @@ def _lidar(lidar: LidarFacts) -> str:
 def _camera_table(cameras: tuple[CameraFacts, ...]) -> Table:
     table = _table("Cameras: above the ground, from the ego's x axis, left and up positive")
     for name in _CAMERA_COLUMNS:
+        # Long names may be broken, but numbers never.
         is_first = name == _CAMERA_COLUMNS[0]
-        table.add_column(name, justify="left" if is_first else "right", no_wrap=not is_first)
+        table.add_column(
+            name,
+            justify="left" if is_first else "right",
+            no_wrap=not is_first,
+            min_width=15 if is_first else None,
+            overflow="fold" if is_first else "ellipsis",
+        )
     for camera in cameras:
         table.add_row(*map(Text, _camera_cells(camera)))
     return table
@@ -180,10 +187,10 @@ def _camera_cells(camera: CameraFacts) -> list[str]:
 
 
 def _cell(spread: Spread, form: str) -> str:
-    """The median; below it the range, where it is not of one value."""
+    """The median; in two lines below it the range, where it is not of one value."""
     text = _value(spread, form)
     least, most = _number(spread.least, form), _number(spread.most, form)
-    return text if least == most else f"{text}\n{least} to {most}"
+    return text if least == most else f"{text}\n{least} to\n{most}"
 
 
 def _value(spread: Spread, form: str) -> str:
