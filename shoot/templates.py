@@ -174,7 +174,7 @@ class TemplateSet:
         if not isinstance(card, dict) or card.get("format_version") != FORMAT_VERSION:
             raise DataError(f"'{path}' is of another template format; fit it anew.")
         try:
-            if (points.dtype, counts.dtype) != (np.float32, np.int64):
+            if points.dtype != np.float32 or counts.dtype != np.int64:
                 raise ValueError(f"They are {points.dtype}, their counts {counts.dtype}.")
             return TemplateSet(points=points, dt_s=dt_s, counts=counts, card=card)
         except ValueError as error:
