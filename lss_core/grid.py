@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from lss_core.bounds import Bounds, SettingError, check_order, check_settings
+from lss_core.bounds import Bounds, SettingError, check_settings
 
 # Far beyond what is of use; without a bound a config from strangers could fill the memory.
 _MAX_CELLS = 1 << 24
@@ -68,7 +68,6 @@ class BevGrid:
             ("x", self.x_min_m, self.x_max_m),
             ("y", self.y_min_m, self.y_max_m),
         ):
-            check_order(f"{axis}_min_m", low_m, f"{axis}_max_m", high_m)
             cells = (high_m - low_m) / self.cell_m
             if cells < 0.5 or abs(cells - round(cells)) > 1e-6:
                 raise SettingError(

@@ -2,6 +2,7 @@
 
 import contextlib
 import math
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import is_dataclass, replace
 from functools import partial
@@ -11,15 +12,17 @@ from typing import Annotated, Any, get_args, get_origin
 import jaxtyping
 import numpy as np
 import pytest
+import torch
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
-from world_fixture import TinyRun, command, complaint, train_flags
+from world_fixture import Said, TinyRun, command, complaint, train_flags
 
 from lss_core.bounds import Bounds, SettingError, hints_of
 from lss_core.config import DataConfig, DepthBins, ImageConfig, ModelConfig
 from lss_core.errors import DataError
 from lss_core.grid import BevGrid
+from shoot.cli import app
 from shoot.cli.demo import DemoConfig
 from shoot.cli.evaluate import EvaluateConfig
 from shoot.cli.fit_templates import DataSource, FitTemplatesConfig
@@ -379,3 +382,14 @@ def test_a_batch_that_batch_norm_cannot_do(tiny_run: TinyRun, tmp_path: Path) ->
     one_cell += ["--model.grid.y-min-m", -8, "--model.grid.y-max-m", 8, "--model.grid.cell-m", 16]
     said = command("shoot-train", *steps, *one_cell, "--optim.batch-size", 1)
     assert "batch norm" in complaint(said)
+
+
+def test_too_little_memory_is_said(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["shoot-something"])
+    for much in (lambda _: torch.empty(2**58), lambda _: np.empty(2**58)):
+        with pytest.raises(SystemExit) as ended:
+            app.run(dict, much, "Wants much.")
+        assert ended.value.code == 2
+        assert "memory is too small" in complaint(Said(2, "", capsys.readouterr().err))
