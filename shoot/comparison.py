@@ -98,6 +98,7 @@ def sum_up(run: TrainedRun, scored: Scored, split: str) -> Report:
         by_scene=_by_scene(samples, scored.log_probs[MODEL]),
         num_bad_samples=len(samples.left_out),
         num_seen_scenes=scored.num_seen_scenes,
+        rests_on=checks.basis,
     )
 
 

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lss_core.data.boxes import count_boxes, has_annotations, is_counted
+from lss_core.data.boxes import count_boxes, has_annotations
+from lss_core.data.categories import is_road_user
 from lss_core.data.drivable import has_map
 from lss_core.data.samples import SampleIndex
 from shoot.data_report.facts import CategoryFacts, LocationFacts
@@ -24,7 +25,7 @@ def describe_boxes(folder: Path) -> tuple[CategoryFacts, ...] | None:
         return None
     counts = Counter(count_boxes(folder))
     return tuple(
-        CategoryFacts(name, count, is_counted(name)) for name, count in counts.most_common()
+        CategoryFacts(name, count, bool(is_road_user(name))) for name, count in counts.most_common()
     )
 
 
