@@ -171,8 +171,7 @@ def train_with(flags: Sequence[str], _: Path) -> None:
 
 def train_curve(way: str, tiny_run: TinyRun, folder: Path) -> list[dict[str, str]]:
     flags = train_flags(tiny_run.root, tiny_run.templates, folder / "run", CURVE_STEPS, 1)
-    # Adam's first steps follow the sign of gradients however small: the faster it learns, the faster
-    # differences grow.
+    # Adam's first steps follow the sign of gradients however small: differences grow with its rate.
     flags += ["--optim.batch-size", "4", "--optim.learning-rate", "2e-4"]
     if way == "lone":
         said = command("shoot-train", *flags)
