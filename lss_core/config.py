@@ -86,7 +86,7 @@ class ImageConfig:
         check_range("resize", self.resize)
         check_range("crop_bottom", self.crop_bottom)
         if sum(self.horizon) > 1.0:
-            raise ValueError(
+            raise SettingError(
                 f"horizon is {self.horizon}, but must be two shares that add up to at most 1."
             )
 

@@ -50,11 +50,6 @@ class OptimConfig:
 
     def __post_init__(self) -> None:
         check_settings(self)
-        if self.warmup_steps > self.steps:
-            raise SettingError(
-                f"warmup_steps is {self.warmup_steps}, but must be at most the number of steps, "
-                f"{self.steps}."
-            )
 
 
 @dataclass(frozen=True)

@@ -106,7 +106,7 @@ def test_lidar_and_boxes(images: list[Path], tmp_path: Path) -> None:
     ego_from_lidar[2, 3] = 1.8
     scene.add_camera("FRONT", INTRINSICS, AHEAD, (HEIGHT, WIDTH))
     scene.add_lidar(ego_from_lidar)
-    points = np.array([[3.0, 4.0, -1.8, 20.0], [0.0, 10.0, 0.0, 255.0]])
+    points = np.array([[3.0, 4.0, -1.8, 20.0], [0.0, 10.0, 0.0, 250.0]])
     for row, time_s in enumerate(TIMES_S):
         if row % 5:
             scene.add_sweep(time_s, points + np.array([0, 0, 0, 0.01 * row]))
@@ -120,7 +120,7 @@ def test_lidar_and_boxes(images: list[Path], tmp_path: Path) -> None:
     # The lidar's y axis looks along the car's x.
     assert load_sweep(index, root, 2)[0] == pytest.approx([1.0 + 4.0, -3.0, 0.0], abs=1e-6)
     scans = load_scans(index, root, 2, 2)
-    assert scans[:, 3].tolist() == pytest.approx([20.0, 255.0, 20.09, 255.09], abs=1e-3)
+    assert scans[:, 3].tolist() == pytest.approx([20.0, 250.0, 20.09, 250.09], abs=1e-3)
     assert scans[:, 4] == pytest.approx([0.0, 0.0, 0.1, 0.1], abs=1e-5)
     assert index.track_time_s == pytest.approx(TIMES_S, abs=1e-6)
     boxes = read_boxes(root / VERSION, index, np.array([0]))

@@ -109,11 +109,7 @@ def demo(config: DemoConfig) -> None:
             templates=str(shipped_run() / "templates.npz"),
             out=str(folder),
             data=replace(DEMO.data, root=str(world), version=VERSION),
-            optim=replace(
-                DEMO.optim,
-                steps=config.steps,
-                warmup_steps=min(DEMO.optim.warmup_steps, config.steps),
-            ),
+            optim=replace(DEMO.optim, steps=config.steps),
             val_every=min(DEMO.val_every, config.steps),
             seed=config.seed,
             resume=True,
