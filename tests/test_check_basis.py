@@ -190,7 +190,7 @@ def test_reports_show_a_dash_and_why() -> None:
     said = "collisions: no boxes of known categories (a), left out"
     text = format_table(report)
     assert said in " ".join(text.split())
-    (heading,) = (line for line in text.splitlines() if "crash" in line)
+    heading = next(line for line in text.splitlines() if "crash" in line)
     column = heading.index("crash")
     rows = [line for line in text.splitlines() if line.startswith((" model", "model"))]
     assert any(line[column : column + 5].strip() == "-" for line in rows)

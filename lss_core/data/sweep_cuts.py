@@ -15,8 +15,8 @@ from lss_core.data.samples import SampleIndex
 from lss_core.data.sweep_layout import POINT_BYTES
 
 _BLOCK_BYTES = 4096
-# Fewer than these are no measure of what is usual.
-_FEWEST, _NUM_ASKED = 5, 16
+# Fewer sweeps, or sweeps of fewer points, are no measure of what is usual.
+_FEWEST, _FEWEST_POINTS, _NUM_ASKED = 5, 100, 16
 # No sweep of one lidar is this much smaller than another ...
 _TENTH = 0.1
 # ... and one in a thousand ends with a block by chance, of which hardly one is as small as this.
@@ -66,9 +66,10 @@ def cut_flaw(path: Path, num_bytes: int, others: SceneSweeps) -> str:
 
 @functools.lru_cache(maxsize=4096)
 def _usual_bytes(sweeps: SceneSweeps) -> int:
-    """Median size; 0 if there are too few."""
+    """Median size; 0 if that is no measure."""
     num_bytes = [path.stat().st_size for path in _there(sweeps)]
-    return int(np.median(num_bytes)) if len(num_bytes) >= _FEWEST else 0
+    usual_bytes = int(np.median(num_bytes)) if len(num_bytes) >= _FEWEST else 0
+    return usual_bytes if usual_bytes >= _FEWEST_POINTS * POINT_BYTES else 0
 
 
 @functools.lru_cache(maxsize=64)
