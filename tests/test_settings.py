@@ -23,6 +23,7 @@ from lss_core.config import DataConfig, DepthBins, ImageConfig, ModelConfig
 from lss_core.errors import DataError
 from lss_core.grid import BevGrid
 from shoot.cli import app
+from shoot.cli.check import CheckConfig, CheckedData
 from shoot.cli.demo import DemoConfig
 from shoot.cli.evaluate import EvaluateConfig
 from shoot.cli.fit_templates import DataSource, FitTemplatesConfig
@@ -133,6 +134,8 @@ IMPOSSIBLE_OTHERS: list[tuple[type, str, Any]] = [
     (FitTemplatesConfig, "split", ""),
     (RenderConfig, "token", ""),
     (EvaluateConfig, "html", ""),
+    (CheckConfig, "out", ""),
+    (CheckedData, "cameras", ("CAM_FRONT", "CAM_FRONT")),
 ]
 
 MAKE: dict[type, Callable[..., Any]] = {
@@ -141,6 +144,8 @@ MAKE: dict[type, Callable[..., Any]] = {
     FitTemplatesConfig: partial(FitTemplatesConfig, DataSource("data"), "t.npz"),
     RenderConfig: partial(RenderConfig, "run", "pictures"),
     EvaluateConfig: partial(EvaluateConfig, "run"),
+    CheckConfig: partial(CheckConfig, CheckedData("data")),
+    CheckedData: partial(CheckedData, "data"),
     MakeWorldConfig: partial(MakeWorldConfig, Path("world")),
 }
 COMMANDS = (
@@ -148,6 +153,7 @@ COMMANDS = (
     FitTemplatesConfig,
     RenderConfig,
     EvaluateConfig,
+    CheckConfig,
     MakeWorldConfig,
     DemoConfig,
 )

@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from lss_core.config import CAMERAS
+from lss_core.bounds import check_settings
+from lss_core.config import CAMERAS, check_cameras
 from lss_core.data.file_names import is_plain
 from lss_core.data.samples import load_index
 from lss_core.errors import DataError
@@ -28,6 +29,10 @@ class CheckedData:
     version: str = "v1.0-trainval"
     cameras: tuple[str, ...] = CAMERAS
 
+    def __post_init__(self) -> None:
+        check_settings(self)
+        check_cameras(self.cameras)
+
 
 @dataclass(frozen=True)
 class CheckConfig:
@@ -41,6 +46,9 @@ class CheckConfig:
 
     data: CheckedData
     out: str | None = None
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 def check(config: CheckConfig) -> DataReport:
