@@ -11,6 +11,7 @@ from jaxtyping import Float
 from numpy.typing import NDArray
 
 from lss_core.data.drives import KnownScene, find_shared
+from lss_core.legible import legible
 from shoot.baselines import (
     PastMotionFit,
     along_heading,
@@ -165,7 +166,7 @@ def _count_seen(
     if kept is None:
         logger.warning(
             "'%s' has no %s: whether it was trained on these scenes is seen by their tokens only.",
-            run.folder.folder,
+            legible(str(run.folder.folder)),
             run.folder.scenes_file.name,
         )
         tokens = known.scene_token.tolist()

@@ -34,6 +34,7 @@ from lss_core.data.boxes import Boxes, has_annotations, read_boxes
 from lss_core.data.drivable import DrivableArea, has_map, load_drivable_area
 from lss_core.data.samples import SampleIndex
 from lss_core.geometry import yaw_of
+from lss_core.legible import legible
 from shoot.box_moments import BoxMoments, find_moments, touched
 from shoot.check_basis import CheckBasis
 from shoot.datamodule import LabelledSplit
@@ -87,7 +88,7 @@ class DrivingChecks:
         self.basis = self._with_map(CheckBasis(len(scene)), no_off_road)
         if boxes is None or no_collisions:
             unknown = {} if boxes is None else boxes.num_unknown
-            logger.warning("%s: collisions are left out.", _capitalised(no_collisions))
+            logger.warning("%s: collisions are left out.", legible(_capitalised(no_collisions)))
             self.basis = replace(self.basis, no_collisions=no_collisions, unknown=unknown)
             return
         self._known_s = np.where(
@@ -143,7 +144,7 @@ class DrivingChecks:
     def _with_map(self, basis: CheckBasis, no_off_road: str) -> CheckBasis:
         """The basis, with what is known of the road; warns where the car itself is off it."""
         if self._areas is None:
-            logger.warning("%s: off-road rates are left out.", _capitalised(no_off_road))
+            logger.warning("%s: off-road rates are left out.", legible(_capitalised(no_off_road)))
             return replace(basis, no_off_road=no_off_road)
         num_on_road, num_known = 0, int(self._has_map().sum())
         for location, area in self._areas.items():
@@ -217,7 +218,7 @@ def _read_boxes(
             "%d annotations are of categories that nobody here knows, and do not count in "
             "collisions: %s.",
             sum(unknown.values()),
-            ", ".join(f"{name} ({num})" for name, num in unknown.items()),
+            legible(", ".join(f"{name} ({num})" for name, num in unknown.items())),
         )
     if boxes.num_twins:
         logger.warning(
@@ -236,7 +237,7 @@ def _read_boxes(
             len(untracked),
             len(scenes),
             why,
-            index.scene_name[untracked[0]],
+            legible(str(index.scene_name[untracked[0]])),
         )
     return boxes.only_scenes(annotated), ""
 
@@ -253,7 +254,7 @@ def _load_areas(root: Path, locations: list[str]) -> tuple[dict[str, DrivableAre
     if empty:
         logger.warning(
             "The maps of %s have no drivable area: off-road rates are left out there.",
-            ", ".join(empty),
+            legible(", ".join(empty)),
         )
     return {location: area for location, area in areas.items() if location not in empty}, ""
 

@@ -24,6 +24,7 @@ from lss_core.depth_targets import batch_depth_bins, depth_loss
 from lss_core.errors import DataError
 from lss_core.files import sole_writer
 from lss_core.grid import BevGrid
+from lss_core.legible import legible
 from lss_core.model import CameraModel, make_model
 from lss_core.progress import on_terminal
 from shoot.allocation import keep_freed_memory
@@ -308,7 +309,7 @@ def _keep_scenes(
         logger.warning(
             "'%s' has no %s: what it was validated on cannot be compared, and what it was trained "
             "on by token at best.",
-            run.folder,
+            legible(str(run.folder)),
             run.scenes_file.name,
         )
         trained = scenes.trained

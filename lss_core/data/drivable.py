@@ -15,6 +15,7 @@ from lss_core.data.rings import area_of_rings
 from lss_core.data.tables import decode_json
 from lss_core.errors import DataError
 from lss_core.geometry import FloatArray
+from lss_core.legible import legible
 
 logger = logging.getLogger(__name__)
 
@@ -166,7 +167,7 @@ def _warn(location: str, what: str, tokens: list[str]) -> None:
         logger.warning(
             "%d drivable polygons of the map of %s %s; the first is '%s'.",
             len(tokens),
-            location,
+            legible(location),
             what,
-            tokens[0],
+            legible(tokens[0]),
         )

@@ -19,6 +19,7 @@ from lss_core.data.sweep_layout import (
 )
 from lss_core.errors import DataError
 from lss_core.geometry import FloatArray, apply, invert
+from lss_core.legible import legible
 
 logger = logging.getLogger(__name__)
 
@@ -172,7 +173,7 @@ def _with_intensity(
             "Intensities of lidar points in '%s' are not all within 0 to 255 (those of the first "
             "such sweep: %s): beyond it they become 0 or 255, and 0 where they are no number; "
             "scale those in the files to 0 to 255.",
-            root,
+            legible(str(root)),
             span,
         )
     changed = values.copy()
