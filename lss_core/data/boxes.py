@@ -1,6 +1,5 @@
 """Annotated boxes of vehicles and people, read for evaluation only; no planner's input has them."""
 
-from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -67,24 +66,6 @@ def has_annotations(folder: Path) -> bool:
     return all(table_path(folder, kind).is_file() for kind in ANNOTATION_TABLES)
 
 
-def is_counted(category: str) -> bool:
-    """Whether boxes of a category are read: those of vehicles and people."""
-    return category.startswith(KINDS)
-
-
-def count_boxes(folder: Path) -> dict[str, int]:
-    """Annotations of each category that has any, of all kinds.
-
-    Raises:
-        DataError: If a table cannot be read or a token leads nowhere.
-    """
-    kind_of = _kinds(folder)
-    counts: Counter[str] = Counter()
-    for piece in read_pieces(folder, Annotation):
-        counts.update(kind_of[record.instance_token] for record in piece)
-    return dict(counts)
-
-
 def read_boxes(folder: Path, index: SampleIndex, scenes: NDArray[np.int64]) -> Boxes:
     """Boxes of vehicles (`vehicle.*`) and people (`human.*`), of some scenes.
 
@@ -102,7 +83,18 @@ def read_boxes(folder: Path, index: SampleIndex, scenes: NDArray[np.int64]) -> B
 
 
 def _read(folder: Path, index: SampleIndex, scenes: NDArray[np.int64]) -> Boxes:
-    kind_of = _kinds(folder)
+    categories = read_table(folder, Category)
+    kind = ByToken(folder, Category, Instance, ((c.token, c.name) for c in categories))
+    kind_of = ByToken(
+        folder,
+        Instance,
+        Annotation,
+        (
+            (instance.token, kind[instance.category_token])
+            for piece in read_pieces(folder, Instance)
+            for instance in piece
+        ),
+    )
     wanted = np.flatnonzero(np.isin(index.sample_scene, scenes))
     tokens = index.sample_token[wanted].tolist()
     row_of = dict(zip(tokens, wanted.tolist(), strict=True))
@@ -113,7 +105,7 @@ def _read(folder: Path, index: SampleIndex, scenes: NDArray[np.int64]) -> Boxes:
     for piece in read_pieces(folder, Annotation):
         own = [record for record in piece if record.sample_token in row_of]
         annotated[index.sample_scene[[row_of[record.sample_token] for record in own]]] = True
-        own = [record for record in own if is_counted(kind_of[record.instance_token])]
+        own = [record for record in own if kind_of[record.instance_token].startswith(KINDS)]
         if not own:
             continue
         rows = [row_of[record.sample_token] for record in own]
@@ -145,22 +137,6 @@ def _read(folder: Path, index: SampleIndex, scenes: NDArray[np.int64]) -> Boxes:
         xy_m=poses[:, :2],
         yaw_rad=poses[:, 2],
         annotated=annotated,
-    )
-
-
-def _kinds(folder: Path) -> ByToken[str]:
-    """Categories of objects by their tokens."""
-    categories = read_table(folder, Category)
-    kind = ByToken(folder, Category, Instance, ((c.token, c.name) for c in categories))
-    return ByToken(
-        folder,
-        Instance,
-        Annotation,
-        (
-            (instance.token, kind[instance.category_token])
-            for piece in read_pieces(folder, Instance)
-            for instance in piece
-        ),
     )
 
 
