@@ -92,6 +92,7 @@ def sum_up(run: TrainedRun, scored: Scored, split: str) -> Report:
         num_samples_with_boxes_left_out=checks.num_samples_affected,
         by_scene=_by_scene(samples, scored.log_probs[MODEL]),
         num_bad_samples=len(samples.left_out),
+        rests_on=checks.basis,
     )
 
 

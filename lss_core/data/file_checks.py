@@ -4,8 +4,9 @@ from pathlib import Path
 
 from lss_core.data.image_content import content_problem
 from lss_core.data.images import open_image
-from lss_core.data.lidar import check_size
+from lss_core.data.lidar import check_file
 from lss_core.data.problems import Problem
+from lss_core.data.sweep_cuts import SceneSweeps
 from lss_core.errors import DataError
 
 _JPEG_END, _PNG_END = b"\xff\xd9", b"IEND"
@@ -13,10 +14,10 @@ _JPEG_END, _PNG_END = b"\xff\xd9", b"IEND"
 _TAIL_BYTES = 4096
 
 
-def sweep_problem(path: Path) -> Problem | None:
-    """What is wrong with the size of a lidar sweep's file."""
+def sweep_problem(path: Path, others: SceneSweeps) -> Problem | None:
+    """What is wrong with a lidar sweep's size or layout, beside others of its scene."""
     try:
-        check_size(path)
+        check_file(path, others)
     except DataError as error:
         return Problem("damaged lidar sweep", str(error))
     return None

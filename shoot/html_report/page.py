@@ -180,6 +180,8 @@ def _driving(report: Report) -> Html:
     for group in GROUPS:
         parts += [element("h3", group.title), _note(group.note)]
         parts.append(_group(overall, limits, group.columns, keys))
+        if group is SAFETY and report.rests_on is not None:
+            parts += [_note(f"On this data: {text}.") for text in report.rests_on.sentences()]
         if group is CALIBRATION:
             parts.append(reliability_figures(overall))
         if group is SAFETY and report.num_boxes_left_out:
