@@ -156,7 +156,10 @@ def test_rig(report: dict[str, Any]) -> None:
 
 
 def test_places_and_boxes(report: dict[str, Any]) -> None:
-    assert report["locations"] == [{"name": "boston-seaport", "num_scenes": 3, "has_map": False}]
+    (place,) = report["locations"]
+    assert place == {
+        "name": "boston-seaport", "num_scenes": 3, "has_map": False, "on_road": None
+    }  # fmt: skip
     assert report["boxes"] == []
 
 
@@ -361,22 +364,56 @@ def test_scenes_without_lidar(tmp_path: Path) -> None:
     assert bad(report) == []
 
 
-def test_boxes_by_category(spoilt: Path, tmp_path: Path) -> None:
-    names = {"car": "vehicle.car", "cone": "movable_object.trafficcone"}
-    write_table(spoilt, "category", [{"token": k, "name": v} for k, v in names.items()])
-    write_table(spoilt, "instance", [{"token": k, "category_token": k} for k in names])
-    box = {"translation": [0.0] * 3, "size": [1.0] * 3, "rotation": [1.0, 0.0, 0.0, 0.0]}
-    sample = read_table(spoilt, "sample")[0]["token"]
+def write_boxes(root: Path, names: Sequence[str]) -> None:
+    """A box of each category at the first sample, one beside the other."""
+    tokens = [str(number) for number in range(len(names))]
+    sample = read_table(root, "sample")[0]["token"]
+    pairs = list(zip(tokens, names, strict=True))
+    write_table(root, "category", [{"token": token, "name": name} for token, name in pairs])
+    write_table(root, "instance", [{"token": t, "category_token": t} for t in tokens])
     boxes = [
-        {"token": str(n), "sample_token": sample, "instance_token": name, **box}
-        for n, name in enumerate(["car", "cone", "cone"])
+        {
+            "token": token,
+            "sample_token": sample,
+            "instance_token": token,
+            "translation": [3.0 * number, 0.0, 0.0],
+            "size": [1.0, 1.0, 1.0],
+            "rotation": [1.0, 0.0, 0.0, 0.0],
+        }
+        for number, token in enumerate(tokens)
     ]
+    write_table(root, "sample_annotation", boxes)
+
+
+def test_boxes_by_category(spoilt: Path, tmp_path: Path) -> None:
+    write_boxes(spoilt, ["vehicle.car", "movable_object.barrier", "gadget"])
+    report = report_of(spoilt, tmp_path / "out")
+    counted = {box["name"]: (box["num_boxes"], box["is_counted"]) for box in report["boxes"]}
+    assert counted == {
+        "vehicle.car": (1, True),
+        "movable_object.barrier": (1, False),
+        "gadget": (1, None),
+    }
+    assert bad(report) == [("warning", "unknown categories")]
+    assert "gadget" in report["findings"][0]["texts"][0]
+
+
+def test_boxes_that_cannot_be(spoilt: Path, tmp_path: Path) -> None:
+    write_boxes(spoilt, ["vehicle.car"])
+    boxes = read_table(spoilt, "sample_annotation")
+    boxes[0]["size"] = [-1.0, 1.0, 1.0]
     write_table(spoilt, "sample_annotation", boxes)
-    counted = [
-        (box["name"], box["num_boxes"], box["is_counted"])
-        for box in report_of(spoilt, tmp_path / "out")["boxes"]
-    ]
-    assert counted == [("movable_object.trafficcone", 2, False), ("vehicle.car", 1, True)]
+    report = report_of(spoilt, tmp_path / "out", status=2)
+    assert findings(report) == [("error", "unusable annotations")]
+    assert report["boxes"] is None
+
+
+def test_a_damaged_map(spoilt: Path, tmp_path: Path) -> None:
+    (spoilt / "maps" / "expansion").mkdir(parents=True)
+    (spoilt / "maps" / "expansion" / "boston-seaport.json").write_text("{}")
+    report = report_of(spoilt, tmp_path / "out", status=2)
+    assert findings(report) == [("error", "unusable map")]
+    assert report["locations"][0]["on_road"] is None
 
 
 def test_names_cannot_steer_a_terminal(tmp_path: Path) -> None:
@@ -499,6 +536,7 @@ def test_nothing_bad_is_said_of_a_real_scene(real_root: Path, tmp_path: Path) ->
         assert 1.3 < camera["height_m"]["median"] < 1.8
         assert abs(camera["pitch_deg"]["median"]) < 3.0
     assert (report["futures"]["num_labels"], report["futures"]["num_starts"]) == (28, 167)
+    assert report["locations"][0]["on_road"] == 1.0
     counted = {box["name"]: box["is_counted"] for box in report["boxes"]}
     assert counted["vehicle.car"]
     assert not counted["movable_object.barrier"]

@@ -108,19 +108,6 @@ def has_annotations(folder: Path) -> bool:
     return all(table_path(folder, kind).is_file() for kind in ANNOTATION_TABLES)
 
 
-def count_boxes(folder: Path) -> dict[str, int]:
-    """Annotations of each category that has any, of all kinds.
-
-    Raises:
-        DataError: If a table cannot be read or a token leads nowhere.
-    """
-    kind_of = _kinds(folder)
-    counts: Counter[str] = Counter()
-    for piece in read_pieces(folder, Annotation):
-        counts.update(kind_of[record.instance_token] for record in piece)
-    return dict(counts)
-
-
 def read_boxes(folder: Path, index: SampleIndex, scenes: NDArray[np.int64]) -> Boxes:
     """Boxes of vehicles and people, of some scenes; see `lss_core.data.categories` for their names.
 
@@ -139,7 +126,18 @@ def read_boxes(folder: Path, index: SampleIndex, scenes: NDArray[np.int64]) -> B
 
 
 def _read(folder: Path, index: SampleIndex, scenes: NDArray[np.int64]) -> Boxes:
-    kind_of = _kinds(folder)
+    categories = read_table(folder, Category)
+    kind = ByToken(folder, Category, Instance, ((c.token, c.name) for c in categories))
+    kind_of = ByToken(
+        folder,
+        Instance,
+        Annotation,
+        (
+            (instance.token, kind[instance.category_token])
+            for piece in read_pieces(folder, Instance)
+            for instance in piece
+        ),
+    )
     wanted = np.flatnonzero(np.isin(index.sample_scene, scenes))
     tokens = index.sample_token[wanted].tolist()
     row_of = dict(zip(tokens, wanted.tolist(), strict=True))
@@ -218,22 +216,6 @@ def _check_once(
         f"Records '{named[0]}' and '{named[1]}' of the table '{path}' are of one instance '"
         f"{instance}' at one sample '{sample}' ({len(twice)} such pairs): an object has one box at "
         "a time; mend the table."
-    )
-
-
-def _kinds(folder: Path) -> ByToken[str]:
-    """Categories of objects by their tokens."""
-    categories = read_table(folder, Category)
-    kind = ByToken(folder, Category, Instance, ((c.token, c.name) for c in categories))
-    return ByToken(
-        folder,
-        Instance,
-        Annotation,
-        (
-            (instance.token, kind[instance.category_token])
-            for piece in read_pieces(folder, Instance)
-            for instance in piece
-        ),
     )
 
 

@@ -194,20 +194,35 @@ class LidarFacts:
 
 @dataclass(frozen=True)
 class CategoryFacts:
-    """A category of annotated boxes; `is_counted`: those are vehicles or people to collide with."""
+    """A category of annotated boxes.
+
+    Attributes:
+        name: As its table has it.
+        num_boxes: Annotations.
+        is_counted: Whether they are vehicles or people to collide with; None if nobody knows the
+            name, which then does not count.
+    """
 
     name: str
     num_boxes: int
-    is_counted: bool
+    is_counted: bool | None
 
 
 @dataclass(frozen=True)
 class LocationFacts:
-    """Where scenes were; `has_map`: the map of its drivable area is there."""
+    """Where scenes were.
+
+    Attributes:
+        name: Of the location.
+        num_scenes: There.
+        has_map: Whether its map is there.
+        on_road: Share of samples at which the car stands on drivable area of the map.
+    """
 
     name: str
     num_scenes: int
     has_map: bool
+    on_road: float
 
 
 @dataclass(frozen=True)
@@ -237,7 +252,7 @@ class DataReport:
     Attributes:
         name: Of the data root's folder.
         version: Of its tables.
-        boxes: By category; None without tables of annotations.
+        boxes: By category; None without usable tables of annotations.
         findings: Errors first, then warnings, then notes.
     """
 

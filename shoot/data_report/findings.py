@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from lss_core.data.samples import SampleIndex
 from shoot.data_report.facts import (
     CameraFacts,
-    CategoryFacts,
     DriveFacts,
     FileFacts,
     Finding,
@@ -72,12 +71,7 @@ def _missing(files: FileFacts) -> str:
     return f"{num_missing} of {files.num_looked_at} files that were looked for are not on disk"
 
 
-def use_findings(
-    drives: DriveFacts,
-    futures: FutureFacts,
-    boxes: tuple[CategoryFacts, ...] | None,
-    folder: Path,
-) -> Iterator[Finding]:
+def use_findings(drives: DriveFacts, futures: FutureFacts, folder: Path) -> Iterator[Finding]:
     """Lists of scenes that are not there; and what the data set cannot be used for."""
     for split in drives.splits:
         if split.is_own and split.missing:
@@ -90,6 +84,3 @@ def use_findings(
     if not any(split.num_scenes for split in drives.splits):
         text = f"no split names a scene that is here; name them in {folder.name}/splits.json"
         yield Finding("note", "no splits", "", (text,), 1)
-    if boxes and not any(category.is_counted for category in boxes):
-        text = "no annotated box is of a known category of vehicles or people: no collision counts"
-        yield Finding("warning", "unknown categories", "", (text,), 1)

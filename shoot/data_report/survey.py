@@ -27,11 +27,14 @@ def survey(index: SampleIndex, root: Path, version: str) -> DataReport:
     cameras = tuple(describe_camera(index, root, n) for n in range(len(index.cameras)))
     lidar = describe_lidar(index, root)
     drives, futures = describe_drives(index, folder), describe_futures(index)
-    boxes = describe_boxes(folder)
+    boxes, box_findings = describe_boxes(index, folder)
+    locations, map_findings = describe_locations(index, root)
     findings = (
         *index_findings(index),
         *file_findings(cameras, lidar),
-        *use_findings(drives, futures, boxes, folder),
+        *box_findings,
+        *map_findings,
+        *use_findings(drives, futures, folder),
     )
     return DataReport(
         name=root.resolve().name,
@@ -42,6 +45,6 @@ def survey(index: SampleIndex, root: Path, version: str) -> DataReport:
         cameras=cameras,
         lidar=lidar,
         boxes=boxes,
-        locations=describe_locations(index, root),
+        locations=locations,
         findings=tuple(sorted(findings, key=lambda finding: _ORDER.index(finding.level))),
     )

@@ -17,6 +17,7 @@ from shoot.data_report.facts import (
     Finding,
     FutureFacts,
     LidarFacts,
+    LocationFacts,
     MotionFacts,
     SplitFacts,
     Spread,
@@ -86,15 +87,20 @@ def _facts(report: DataReport) -> Iterator[tuple[str, str]]:
     yield from _future_facts(report.futures, report.drives)
     yield "lidar", _lidar(report.lidar)
     places = (
-        f"{place.name} ({_count(place.num_scenes, 'scene')}, "
-        f"{'with' if place.has_map else 'without'} map)"
+        f"{place.name} ({_count(place.num_scenes, 'scene')}, {_map(place)})"
         for place in report.locations
     )
     yield "places", ", ".join(places)
     if report.boxes is None:
-        yield "boxes", "no tables of annotations: no collision rates"
+        yield "boxes", "no usable tables of annotations: no collision rates"
     elif not report.boxes:
         yield "boxes", "none: no collision rates"
+
+
+def _map(place: LocationFacts) -> str:
+    if not place.has_map:
+        return "without map"
+    return "map" if math.isnan(place.on_road) else f"{place.on_road:.0%} on its map's road"
 
 
 def _drive_facts(drives: DriveFacts) -> Iterator[tuple[str, str]]:
@@ -208,7 +214,7 @@ def _box_table(report: DataReport) -> Table:
     table.add_column("boxes", justify="right")
     table.add_column("in collisions")
     for category in report.boxes or ():
-        counted = "yes" if category.is_counted else "no"
+        counted = {True: "yes", False: "no", None: "unknown"}[category.is_counted]
         table.add_row(Text(legible(category.name)), str(category.num_boxes), counted)
     return table
 
