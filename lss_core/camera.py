@@ -172,10 +172,12 @@ def horizon_row(pixel_from_camera: FloatArray, ego_from_camera: FloatArray) -> f
         ego_from_camera: [4, 4] camera pose; `ego` stands level.
     """
     right_up, down_up, _ = ego_from_camera[2, :3]
-    a, b, c = horizon_line(pixel_from_camera, ego_from_camera)
-    if abs(right_up) > abs(down_up) or not b:
+    if abs(right_up) > abs(down_up):
         return None
-    return float(-(a * pixel_from_camera[0, 2] + c) / b)
+    level = ego_from_camera[:3, 2] * [1.0, 1.0, 0.0]
+    # All level points in one direction appear in one row, whatever their distance.
+    pixel, _ = project(ego_from_camera[:3, 3] + level, pixel_from_camera, ego_from_camera)
+    return float(pixel[1]) if np.isfinite(pixel[1]) else None
 
 
 def resize_map(scale_x: float, scale_y: float | None = None) -> FloatArray:
