@@ -131,6 +131,55 @@ def project(
     return pixels, depth_m
 
 
+def field_of_view(
+    pixel_from_camera: FloatArray, width_px: FloatArray | NDArray[np.int64]
+) -> FloatArray:
+    """Horizontal angle [...] between what the outer edges of an image's first and last column see.
+
+    Args:
+        pixel_from_camera: [..., 3, 3] intrinsics.
+        width_px: [...] columns of the image.
+    """
+    focal_px, centre_px = pixel_from_camera[..., 0, 0], pixel_from_camera[..., 0, 2]
+    left, right = centre_px + 0.5, width_px - 0.5 - centre_px
+    angle: FloatArray = np.arctan2(left, focal_px) + np.arctan2(right, focal_px)
+    return angle
+
+
+def horizon_line(pixel_from_camera: FloatArray, ego_from_camera: FloatArray) -> FloatArray:
+    """The line a, b, c of pixels u, v with a u + b v + c = 0 where level rays of `ego` end.
+
+    `b` is positive for a camera that stands upright: pixels below the horizon are on its positive
+    side.
+
+    Args:
+        pixel_from_camera: [3, 3] intrinsics.
+        ego_from_camera: [4, 4] camera pose.
+    """
+    # A pixel's ray is level if it has no share of the vertical, which is row 2 of the rotation.
+    line: FloatArray = -ego_from_camera[2, :3] @ np.linalg.inv(pixel_from_camera)
+    return line
+
+
+def horizon_row(pixel_from_camera: FloatArray, ego_from_camera: FloatArray) -> float | None:
+    """Row at which a camera sees the horizon straight ahead of it, be it in its image or not.
+
+    None for a camera that looks straight up or down, and for one that lies on its side: its horizon
+    runs from top to bottom.
+
+    Args:
+        pixel_from_camera: [3, 3] intrinsics.
+        ego_from_camera: [4, 4] camera pose; `ego` stands level.
+    """
+    right_up, down_up, _ = ego_from_camera[2, :3]
+    if abs(right_up) > abs(down_up):
+        return None
+    level = ego_from_camera[:3, 2] * [1.0, 1.0, 0.0]
+    # All level points in one direction appear in one row, whatever their distance.
+    pixel, _ = project(ego_from_camera[:3, 3] + level, pixel_from_camera, ego_from_camera)
+    return float(pixel[1]) if np.isfinite(pixel[1]) else None
+
+
 def resize_map(scale_x: float, scale_y: float | None = None) -> FloatArray:
     """Pixel map [3, 3] of resizing: the outer edges of the images meet, not the outer centres.
 

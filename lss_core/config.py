@@ -1,12 +1,18 @@
 """Sizes and choices of the perception half, as frozen dataclasses; defaults are the paper's."""
 
+import math
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, Literal
 
+from lss_core.bounds import Bounds, SettingError, check_order, check_range, check_settings
 from lss_core.grid import BevGrid
 
 # Far beyond what is of use; without bounds a config from strangers could fill the memory.
-_MAX_DEPTHS, _MAX_SIDE_PX, _MAX_CHANNELS = 1_000, 8_192, 8_192
+_MAX_DEPTHS = 1_000
+_Side = Annotated[int, Bounds(1, 8_192)]
+_Channels = Annotated[int, Bounds(1, 8_192)]
+_Depth = Annotated[float, Bounds(0.0, 10_000.0, low_is_in=False)]
+_Height = Annotated[float, Bounds(-1_000.0, 1_000.0)]
 
 CAMERAS = (
     "CAM_FRONT_LEFT",
@@ -30,15 +36,18 @@ class DepthBins:
         step_m: Distance between depths.
     """
 
-    min_m: float = 4.0
-    max_m: float = 45.0
-    step_m: float = 1.0
+    min_m: _Depth = 4.0
+    max_m: _Depth = 45.0
+    step_m: _Depth = 1.0
 
     def __post_init__(self) -> None:
-        if not (0.0 < self.min_m < self.max_m and self.step_m > 0.0):
-            raise ValueError(f"Depth bins need 0 < min_m < max_m and step_m > 0, got {self}.")
-        if (self.max_m - self.min_m) / self.step_m > _MAX_DEPTHS:
-            raise ValueError(f"{self} are more than {_MAX_DEPTHS} depths.")
+        check_settings(self)
+        check_order("min_m", self.min_m, "max_m", self.max_m)
+        if not 1 <= round((self.max_m - self.min_m) / self.step_m) <= _MAX_DEPTHS:
+            raise SettingError(
+                f"step_m is {self.step_m:g}, but from min_m {self.min_m:g} to max_m {self.max_m:g} "
+                f"there must be 1 to {_MAX_DEPTHS} depths."
+            )
 
     @property
     def depths_m(self) -> tuple[float, ...]:
@@ -60,20 +69,25 @@ class ImageConfig:
             evaluation takes their mean. The rest of what is too much is cut off above.
         rotate_rad: Largest in-plane rotation in training.
         flip: Whether training mirrors single images (the intrinsics mirror with them).
+        horizon: Smallest shares of the network's rows above and below the horizon: a crop that
+            leaves less is moved. The default moves none of the crops above on nuScenes' cameras.
     """
 
-    height_px: int = 128
-    width_px: int = 352
-    resize: tuple[float, float] = (0.877, 1.023)
-    crop_bottom: tuple[float, float] = (0.0, 0.22)
-    rotate_rad: float = 0.0942
+    height_px: _Side = 128
+    width_px: _Side = 352
+    resize: Annotated[tuple[float, float], Bounds(0.1, 10.0)] = (0.877, 1.023)
+    crop_bottom: Annotated[tuple[float, float], Bounds(0.0, 0.95)] = (0.0, 0.22)
+    rotate_rad: Annotated[float, Bounds(0.0, math.pi)] = 0.0942
     flip: bool = True
+    horizon: Annotated[tuple[float, float], Bounds(0.0, 1.0)] = (0.15, 0.25)
 
     def __post_init__(self) -> None:
-        if not all(1 <= side <= _MAX_SIDE_PX for side in (self.height_px, self.width_px)):
-            raise ValueError(
-                f"Images of {self.height_px}x{self.width_px} px; both sides must lie in 1 to "
-                f"{_MAX_SIDE_PX}."
+        check_settings(self)
+        check_range("resize", self.resize)
+        check_range("crop_bottom", self.crop_bottom)
+        if sum(self.horizon) > 1.0:
+            raise SettingError(
+                f"horizon is {self.horizon}, but must be two shares that add up to at most 1."
             )
 
 
@@ -101,24 +115,21 @@ class ModelConfig:
 
     backbone: str = "efficientnet_b0"
     pretrained: str = "timm"
-    context_channels: int = 64
-    image_stride: int = 16
-    neck_channels: int = 512
-    stem_channels: int = 64
-    decoder_channels: int = 256
+    context_channels: _Channels = 64
+    image_stride: Literal[8, 16] = 16
+    neck_channels: _Channels = 512
+    stem_channels: _Channels = 64
+    decoder_channels: Annotated[int, Bounds(2, 8_192)] = 256
     frustum: Literal["sampled", "cell", "released"] = "sampled"
     depth: DepthBins = field(default_factory=DepthBins)
     grid: BevGrid = field(default_factory=BevGrid)
-    z_min_m: float = -10.0
-    z_max_m: float = 10.0
-    head_init_std: float = 1e-3
+    z_min_m: _Height = -10.0
+    z_max_m: _Height = 10.0
+    head_init_std: Annotated[float, Bounds(0.0, 10.0)] = 1e-3
 
     def __post_init__(self) -> None:
-        for name in ("context_channels", "neck_channels", "stem_channels", "decoder_channels"):
-            if not 1 <= getattr(self, name) <= _MAX_CHANNELS:
-                raise ValueError(
-                    f"{name} is {getattr(self, name)}, but must lie in 1 to {_MAX_CHANNELS}."
-                )
+        check_settings(self)
+        check_order("z_min_m", self.z_min_m, "z_max_m", self.z_max_m)
 
 
 @dataclass(frozen=True)
@@ -145,13 +156,31 @@ class DataConfig:
     version: str = "v1.0-trainval"
     image: ImageConfig = field(default_factory=ImageConfig)
     cameras: tuple[str, ...] = CAMERAS
-    lidar_scans: int = 0
+    lidar_scans: Annotated[int, Bounds(0, 1_000)] = 0
     ego_motion: bool = True
     skip_bad: bool = False
-    drop_cameras: int = 0
-    extrinsic_noise_rad: float = 0.0
-    extrinsic_noise_m: float = 0.0
+    drop_cameras: Annotated[int, Bounds(0, 1_000)] = 0
+    extrinsic_noise_rad: Annotated[float, Bounds(0.0, math.pi)] = 0.0
+    extrinsic_noise_m: Annotated[float, Bounds(0.0, 100.0)] = 0.0
 
     def __post_init__(self) -> None:
-        if self.lidar_scans < 0:
-            raise ValueError(f"lidar_scans must be 0 or more, got {self.lidar_scans}.")
+        check_settings(self)
+        check_cameras(self.cameras)
+        if not self.lidar_scans and self.drop_cameras >= len(self.cameras):
+            raise SettingError(
+                f"drop_cameras is {self.drop_cameras}, but must be less than the number of "
+                f"cameras, {len(self.cameras)}."
+            )
+
+
+def check_cameras(cameras: tuple[str, ...]) -> None:
+    """Refuse a choice of no camera, or of one twice.
+
+    Raises:
+        SettingError: If it is such.
+    """
+    if not cameras:
+        raise SettingError(f"cameras is empty, but must name one or more, such as {CAMERAS[1]}.")
+    twice = sorted({camera for camera in cameras if cameras.count(camera) > 1})
+    if twice:
+        raise SettingError(f"cameras names {twice[0]} twice, but must name each once.")

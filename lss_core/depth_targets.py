@@ -53,7 +53,12 @@ def depth_bins(depth_m: Float[Tensor, "*S"], depths_m: tuple[float, ...]) -> Int
     Args:
         depth_m: Along the camera's z axis; infinite where it is not known.
         depths_m: The depths to choose from.
+
+    Raises:
+        ValueError: If there are fewer than two depths.
     """
+    if len(depths_m) < 2:
+        raise ValueError(f"There must be two depths or more to choose from, got {len(depths_m)}.")
     bins = ((depth_m - depths_m[0]) / (depths_m[1] - depths_m[0])).round()
     known = (bins >= 0) & (bins < len(depths_m))
     return torch.where(known, bins, -1.0).long()

@@ -1,5 +1,6 @@
 """Files that appear whole or not at all, and folders that one process writes at a time."""
 
+import errno
 import fcntl
 import os
 import tempfile
@@ -48,6 +49,22 @@ def write_atomically(path: str | Path, one_of_many: bool = False) -> Iterator[IO
         except BaseException:
             aside.unlink(missing_ok=True)
             raise
+
+
+def check_writable(path: str | Path) -> None:
+    """See whether a file can be written, before the work that it is to hold; its folder is made.
+
+    Raises:
+        OSError: If it cannot; `filename` is `path`.
+    """
+    path = Path(path)
+    with name_errors(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+        aside, handle = _open_aside(path)
+        os.close(handle)
+        aside.unlink(missing_ok=True)
 
 
 def write_from(path: Path, start: int, content: bytes) -> None:

@@ -28,6 +28,14 @@ def rigid_from_quaternion(translation_m: FloatArray, quaternion_wxyz: FloatArray
     return matrix
 
 
+def quaternion_of(a_from_b: FloatArray) -> FloatArray:
+    """Quaternion [..., 4] (w, x, y, z), w >= 0, of the rotation of rigid transforms [..., 4, 4]."""
+    rotation = Rotation.from_matrix(a_from_b[..., :3, :3].reshape(-1, 3, 3))
+    quaternion: FloatArray = rotation.as_quat()[:, [3, 0, 1, 2]]
+    quaternion *= np.where(quaternion[:, :1] < 0.0, -1.0, 1.0)
+    return quaternion.reshape(*a_from_b.shape[:-2], 4)
+
+
 def rigid_from_yaw(xy_m: FloatArray, yaw_rad: FloatArray | float) -> FloatArray:
     """Transform [..., 4, 4] that turns by `yaw_rad` [...] about z and moves by `xy_m` [..., 2]."""
     yaw = np.asarray(yaw_rad, dtype=np.float64)

@@ -1,13 +1,17 @@
 """The bird's-eye-view grid: the only place where metres become cells."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from lss_core.bounds import Bounds, SettingError, check_settings
+
 # Far beyond what is of use; without a bound a config from strangers could fill the memory.
 _MAX_CELLS = 1 << 24
+_Place = Annotated[float, Bounds(-10_000.0, 10_000.0)]
 
 
 @dataclass(frozen=True)
@@ -47,32 +51,31 @@ class BevGrid:
         cell_m: Side of a cell.
 
     Raises:
-        ValueError: If a side is not a whole, positive number of cells.
+        ValueError: If a number is out of bounds or a side not a whole, positive number of cells.
 
     Paper: section 4.1 (-50 m to 50 m both ways at 0.5 m: 200 x 200).
     """
 
-    x_min_m: float = -50.0
-    x_max_m: float = 50.0
-    y_min_m: float = -50.0
-    y_max_m: float = 50.0
-    cell_m: float = 0.5
+    x_min_m: _Place = -50.0
+    x_max_m: _Place = 50.0
+    y_min_m: _Place = -50.0
+    y_max_m: _Place = 50.0
+    cell_m: Annotated[float, Bounds(0.0, 1000.0, low_is_in=False)] = 0.5
 
     def __post_init__(self) -> None:
-        if not self.cell_m > 0.0:
-            raise ValueError(f"Grid cells must be larger than 0 m, got cell_m={self.cell_m}.")
+        check_settings(self)
         for axis, low_m, high_m in (
             ("x", self.x_min_m, self.x_max_m),
             ("y", self.y_min_m, self.y_max_m),
         ):
             cells = (high_m - low_m) / self.cell_m
             if cells < 0.5 or abs(cells - round(cells)) > 1e-6:
-                raise ValueError(
+                raise SettingError(
                     f"Grid side {axis} from {low_m} to {high_m} m must be a whole number of "
                     f"{self.cell_m} m cells, got {cells:g}."
                 )
         if self.num_x * self.num_y > _MAX_CELLS:
-            raise ValueError(
+            raise SettingError(
                 f"A grid of {self.num_x} x {self.num_y} cells; at most {_MAX_CELLS:,} are possible."
             )
 

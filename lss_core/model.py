@@ -82,7 +82,12 @@ class CameraModel(nn.Module):
             ego_from_camera: Camera poses.
             camera_mask: False where a camera is not there; its image and calibration play no part.
                 None: all are there. With a mask the host waits for a GPU to see how many.
+
+        Raises:
+            ValueError: If shapes do not belong together, or images are of another type or range.
+                Values are only looked at on the host.
         """
+        _check_cameras(images, pixel_from_camera, ego_from_camera, camera_mask)
         bev = self.splat(images, pixel_from_camera, ego_from_camera, camera_mask)
         output: Tensor = self.bev_encoder(bev)
         return output
@@ -128,6 +133,7 @@ class CameraModel(nn.Module):
         if camera_mask is not None and not camera_mask.all():
             present = camera_mask.flatten()
             flat = flat[present]
+        _check_range(flat)
         flat = self.network_images(flat)
         height, width = (side // self.config.image_stride for side in self.image_hw)
         if len(flat):
@@ -144,7 +150,8 @@ class CameraModel(nn.Module):
         """Images as the image encoder takes them: in 0..1, channels innermost in memory.
 
         Raises:
-            ValueError: If they are not of the size the model was made for.
+            ValueError: If they are not of the size the model was made for, or neither uint8 nor
+                floats.
         """
         if tuple(images.shape[-2:]) != self.image_hw:
             raise ValueError(
@@ -153,6 +160,11 @@ class CameraModel(nn.Module):
             )
         if images.dtype == torch.uint8:
             images = images.float() / 255.0
+        elif not images.is_floating_point():
+            raise ValueError(
+                f"Images must be uint8 (0 to 255) or floats (0 to 1), got {images.dtype}; convert "
+                "them, as by images.to(torch.uint8)."
+            )
         return images.contiguous(memory_format=torch.channels_last)
 
     @property
@@ -228,7 +240,15 @@ class LidarModel(nn.Module):
             points: x, y, z in metres in `ego`, intensity 0 to 255, age in seconds; the samples'
                 one after the other.
             offsets: Where each sample's begin.
+
+        Raises:
+            ValueError: If the points have other columns, or are no floats.
         """
+        if points.ndim != 2 or points.shape[1] != 5 or not points.is_floating_point():
+            raise ValueError(
+                f"Points must be floats [P, 5] (x, y, z, intensity, age), got {points.dtype} "
+                f"{list(points.shape)}."
+            )
         output: Tensor = self.bev_encoder(self.pillar_encoder(points, offsets))
         return output
 
@@ -250,6 +270,45 @@ def make_model(
     if data.lidar_scans:
         return LidarModel(config, out_channels)
     return CameraModel(config, (data.image.height_px, data.image.width_px), out_channels)
+
+
+def _check_cameras(
+    images: Shaped[Tensor, "..."],
+    pixel_from_camera: Shaped[Tensor, "..."],
+    ego_from_camera: Shaped[Tensor, "..."],
+    camera_mask: Shaped[Tensor, "..."] | None,
+) -> None:
+    """Refuse shapes that do not belong together; broadcasting would make one of them."""
+    places = tuple(images.shape[:2])
+    wanted = {
+        "pixel_from_camera": (pixel_from_camera, (*places, 3, 3)),
+        "ego_from_camera": (ego_from_camera, (*places, 4, 4)),
+    }
+    if images.ndim != 5 or images.shape[2] != 3:
+        raise ValueError(f"Images must be [B, N, 3, H, W], got {list(images.shape)}.")
+    if camera_mask is not None:
+        wanted["camera_mask"] = (camera_mask, places)
+        if camera_mask.dtype != torch.bool:
+            raise ValueError(f"camera_mask must be bool, got {camera_mask.dtype}.")
+    for name, (tensor, shape) in wanted.items():
+        if tuple(tensor.shape) != shape:
+            raise ValueError(
+                f"{name} must be {list(shape)}, as there are {places[0]} x {places[1]} images, got "
+                f"{list(tensor.shape)}."
+            )
+
+
+def _check_range(images: Shaped[Tensor, "M 3 Hi Wi"]) -> None:
+    """Refuse float images that are not in 0..1, where looking costs little."""
+    if not images.is_floating_point() or images.device.type != "cpu" or not images.numel():
+        return
+    low, high = (float(value) for value in images.detach().aminmax())
+    # Resampling may go a little beyond.
+    if not (low >= -0.1 and high <= 1.1):
+        raise ValueError(
+            f"Float images must lie in 0 to 1, got {low:g} to {high:g}; divide them by 255, or "
+            "give uint8."
+        )
 
 
 def _bev_encoder(config: ModelConfig, out_channels: int) -> BevEncoder:

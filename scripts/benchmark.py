@@ -25,6 +25,7 @@ from benchmarks.growth_figure import draw_growth
 from benchmarks.machine import Machine, measure
 from benchmarks.rows import ROWS, Row, Setting
 
+from lss_core.bounds import Count, check_settings
 from lss_core.errors import DataError
 from lss_core.files import write_atomically
 
@@ -48,12 +49,15 @@ class BenchmarkConfig:
     rows: tuple[str, ...] = tuple(ROWS)
     device: Literal["cpu", "cuda"] = "cpu"
     folder: Path = Path("runs/benchmark")
-    repeats: int = 7
+    repeats: Count = 7
     images: Path | None = None
     images_version: str = "v1.0-mini"
     out: Path | None = None
     growth: bool = False
     growth_figure: Path | None = None
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 def benchmark(config: BenchmarkConfig) -> bool:

@@ -9,6 +9,7 @@ from typing import Annotated
 
 import tyro
 
+from lss_core.bounds import Count, check_settings
 from shoot.cli.app import run
 from shoot.datamodule import load_split
 from shoot.depth_study import DepthStudy, format_depth_study, study_depth
@@ -29,9 +30,12 @@ class DepthStudyConfig:
 
     run: Annotated[str, tyro.conf.Positional]
     split: str = "val"
-    num_samples: int = 400
+    num_samples: Count = 400
     out: str = "depth.json"
     root: str | None = None
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 def depth_study(config: DepthStudyConfig) -> DepthStudy:

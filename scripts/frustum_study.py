@@ -20,6 +20,9 @@ from planning_table.experiments import MAIN_METRICS, SEEDS, Experiment
 from planning_table.records import Record, load_records
 from planning_table.work import Place, prepare, run_all, run_script
 
+from lss_core.bounds import Bounds, Workers, check_settings
+from shoot.cli.fit_templates import NumTemplates
+
 _WAYS = ("cell", "sampled")
 RUNS = tuple(
     Experiment(way, "small", seed, ("--model.frustum", way)) for seed in SEEDS for way in _WAYS
@@ -43,14 +46,17 @@ class StudyConfig:
     """
 
     folder: Annotated[Path, tyro.conf.Positional] = Path("runs/frustum")
-    jobs: int = 2
+    jobs: Workers = 2
     records: Path = Path("docs/results/frustum")
     page: Path = Path("docs/results.md")
     table_only: bool = False
-    train_scenes: int = 700
-    val_scenes: int = 100
-    k: int = 1000
+    train_scenes: Annotated[int, Bounds(1, 700)] = 700
+    val_scenes: Annotated[int, Bounds(1, 150)] = 100
+    k: NumTemplates = 1000
     flags: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 def study(config: StudyConfig) -> list[str]:

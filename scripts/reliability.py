@@ -19,6 +19,8 @@ from typing import Any
 import tyro
 from marked_page import fill_page
 
+from lss_core.bounds import Workers, check_settings
+
 Row = dict[str, Any]
 
 
@@ -27,16 +29,19 @@ class ReliabilityConfig:
     """What to throw, and where to write.
 
     Attributes:
-        only: Tests to run, as for `pytest -k`; all if empty.
+        only: Tests to run, as for `pytest -k`; all if not given.
         tally: What was thrown so far; remove it to begin anew.
         page: Page whose table is made.
         workers: Processes that test side by side.
     """
 
-    only: str = ""
+    only: str | None = None
     tally: Path = Path("runs/faults.jsonl")
     page: Path = Path("docs/reliability.md")
-    workers: int = 2
+    workers: Workers = 2
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 def throw_all(config: ReliabilityConfig) -> int:
@@ -47,7 +52,7 @@ def throw_all(config: ReliabilityConfig) -> int:
     environment = {**os.environ, "SHOOT_TALLY": str(tally), "OMP_NUM_THREADS": "1"}
     started_s = time.monotonic()
     status = subprocess.run(
-        [sys.executable, *tests, "-k", config.only], env=environment, check=False
+        [sys.executable, *tests, "-k", config.only or ""], env=environment, check=False
     ).returncode
     with tally.open("a", encoding="utf-8") as stream:
         call = {"seconds": time.monotonic() - started_s, "cores": len(os.sched_getaffinity(0))}

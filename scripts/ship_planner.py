@@ -21,6 +21,7 @@ _FILES = (
     "weights.safetensors", "templates.npz", "templates.json", "training_motion.npz",
     "past_motion.safetensors", "environment.json",
 )  # fmt: skip
+_FILES_OF_LATE = ("scenes.json",)  # older runs have none
 _METRICS = (
     ("top5", "top-5, %", ".1f"),
     ("top10", "top-10, %", ".1f"),
@@ -53,6 +54,9 @@ def ship(config: ShipConfig) -> None:
     out.mkdir(parents=True, exist_ok=True)
     for name in _FILES:
         shutil.copy(run.folder / name, out / name)
+    for name in _FILES_OF_LATE:
+        if (run.folder / name).exists():
+            shutil.copy(run.folder / name, out / name)
     shutil.copy(config.picture, out / "templates.png")
     told = run.config()
     told = replace(

@@ -18,6 +18,9 @@ from planning_table.page import write_tables
 from planning_table.records import load_records
 from planning_table.work import Place, prepare, run_all, run_script
 
+from lss_core.bounds import Bounds, Workers, check_settings
+from shoot.cli.fit_templates import NumTemplates
+
 
 @dataclass(frozen=True)
 class TableConfig:
@@ -40,15 +43,18 @@ class TableConfig:
 
     folder: Annotated[Path, tyro.conf.Positional] = Path("runs/table6")
     only: tuple[str, ...] = ()
-    jobs: int = 2
+    jobs: Workers = 2
     records: Path = Path("docs/results")
     again: Path = Path("docs/results/again")
     page: Path = Path("docs/results.md")
     tables_only: bool = False
-    train_scenes: int = 700
-    val_scenes: int = 100
-    k: int = 1000
+    train_scenes: Annotated[int, Bounds(1, 700)] = 700
+    val_scenes: Annotated[int, Bounds(1, 150)] = 100
+    k: NumTemplates = 1000
     flags: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 def table6(config: TableConfig) -> list[str]:

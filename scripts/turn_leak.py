@@ -9,10 +9,11 @@ takes several seconds a scene.
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
 
+from lss_core.bounds import Workers, check_settings
 from shoot.cli.app import run
 from shoot.datamodule import load_split
 from shoot.intersections import find_questions
@@ -39,11 +40,14 @@ class TurnLeakConfig:
 
     run: Annotated[str, tyro.conf.Positional]
     split: str = "val"
-    checkpoint: str = "last"
+    checkpoint: Literal["last", "best"] = "last"
     out: str = "leak.json"
     figure: str = "leak.png"
     root: str | None = None
-    workers: int = 2
+    workers: Workers = 2
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 def turn_leak(config: TurnLeakConfig) -> LeakReport:

@@ -44,7 +44,14 @@ def brier_score(prob: Float[Array, "R K"], label: Int[Array, " S"]) -> Float[Arr
     Args:
         prob: Probabilities of the templates; R is S, or 1 where they are the same for all samples.
         label: Index of the template nearest to the driven path.
+
+    Raises:
+        ValueError: If there are other numbers of rows, or a label that is none.
     """
+    if len(prob) not in (1, len(label)):
+        raise ValueError(f"There must be 1 or {len(label)} rows of probabilities, got {len(prob)}.")
+    if label.size and not 0 <= label.min() <= label.max() < prob.shape[1]:
+        raise ValueError(f"Labels must lie in 0..{prob.shape[1] - 1}, got others.")
     every = np.broadcast_to(prob, (len(label), prob.shape[1]))
     at_label = np.take_along_axis(every, label[:, None], axis=1)[:, 0].astype(np.float64)
     # Squared in float64: the squares of one certain and many small probabilities nearly cancel.

@@ -54,7 +54,14 @@ def measure_comfort(
         `lon_accel_mps2`, `lat_accel_mps2`, `jerk_mps3`: largest absolute values along the path;
         `comfort`: 100 where all of it is within the bounds, else 0. All NaN with fewer than three
         points, which have no jerk.
+
+    Raises:
+        ValueError: If `dt_s` is not more than 0, or the paths are no [P, T, 2].
     """
+    if not dt_s > 0.0:
+        raise ValueError(f"dt_s must be more than 0 s, got {dt_s}.")
+    if paths.ndim != 3 or paths.shape[2] != 2:
+        raise ValueError(f"Paths must be [P, T, 2], got {list(paths.shape)}.")
     names = ("lon_accel_mps2", "lat_accel_mps2", "jerk_mps3", "comfort")
     num_paths, num_points, _ = paths.shape
     if num_points < 3:

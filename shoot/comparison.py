@@ -1,5 +1,6 @@
 """The trained planner beside its baselines on one split, from checkpoint to report."""
 
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -9,6 +10,8 @@ import torch
 from jaxtyping import Float
 from numpy.typing import NDArray
 
+from lss_core.data.drives import KnownScene, find_shared
+from lss_core.legible import legible
 from shoot.baselines import (
     PastMotionFit,
     along_heading,
@@ -21,18 +24,21 @@ from shoot.baselines import (
     kept_past_motion,
     standing_still_log_prob,
 )
-from shoot.datamodule import FITTED_ON, LabelledSplit, check_unseen, load_split
+from shoot.datamodule import LabelledSplit, load_split
 from shoot.driving_checks import DrivingChecks
 from shoot.evaluation import MODEL, Report, condition_of, evaluate
 from shoot.known_speed import tell_speed
 from shoot.metrics import negative_log_likelihood, rank_labels
 from shoot.planner import Planner
 from shoot.prediction import TrainedRun, predict
+from shoot.run_scenes import FITTED_ON, TRAINED_ON, RunScenes, check_unseen
 from shoot.templates import TemplateSet
 from shoot.training_motion import TrainingMotion
 from shoot.trajectories import Futures
 
 Array = np.ndarray[Any, np.dtype[Any]]
+
+logger = logging.getLogger(__name__)
 
 KNOWING_SPEED = "model_knowing_speed"
 
@@ -45,10 +51,14 @@ class Scored:
         samples: What was asked about.
         log_probs: Method -> log-probabilities of the templates in nats, [S, K], or [K] if they are
             the same for all samples.
+        checks: Of paths from these samples, against annotations and maps.
+        num_seen_scenes: Of their scenes those that the run was trained on, or its templates fitted.
     """
 
     samples: LabelledSplit
     log_probs: dict[str, Float[Array, "..."]]
+    checks: DrivingChecks
+    num_seen_scenes: int = 0
 
 
 def compare(run: TrainedRun, split: str, fast: bool = False) -> Report:
@@ -67,13 +77,9 @@ def sum_up(run: TrainedRun, scored: Scored, split: str) -> Report:
         run: Whose data and templates.
         scored: Of the split.
         split: Its name.
-
-    Raises:
-        DataError: If annotations or maps are damaged.
     """
-    samples = scored.samples
+    samples, checks = scored.samples, scored.checks
     descriptions = samples.index.scene_description[samples.futures.scene]
-    checks = DrivingChecks(samples, run.config.data)
     report = evaluate(
         scored.log_probs,
         samples.labels,
@@ -92,6 +98,8 @@ def sum_up(run: TrainedRun, scored: Scored, split: str) -> Report:
         num_samples_with_boxes_left_out=checks.num_samples_affected,
         by_scene=_by_scene(samples, scored.log_probs[MODEL]),
         num_bad_samples=len(samples.left_out),
+        num_seen_scenes=scored.num_seen_scenes,
+        rests_on=checks.basis,
     )
 
 
@@ -133,10 +141,9 @@ def score(
     """
     samples = load_split(run.config.data, split, run.templates)
     known = TrainingMotion.load(run.folder.motion_file, run.templates)
-    if not allow_seen_scenes:
-        tokens = samples.scene_tokens
-        check_unseen(tokens, known.scene_token.tolist(), "The run was trained on")
-        check_unseen(tokens, run.templates.scene_tokens, FITTED_ON)
+    num_seen_scenes = _count_seen(run, known, samples.scenes, allow_seen_scenes)
+    # All that is asked of the data is asked before what takes long.
+    checks = DrivingChecks(samples, run.config.data)
     model = predict(run, samples, fast)
     log_probs: dict[str, Array] = {MODEL: model}
     past_motion = kept_past_motion(
@@ -144,7 +151,31 @@ def score(
     )
     log_probs |= baseline_log_probs(known, samples, run.templates, run.module.planner, past_motion)
     log_probs[KNOWING_SPEED] = tell_speed(model, log_probs["speed_prior"], log_probs["prior"])
-    return Scored(samples, log_probs)
+    return Scored(samples, log_probs, checks, num_seen_scenes)
+
+
+def _count_seen(
+    run: TrainedRun, known: TrainingMotion, scored: tuple[KnownScene, ...], allow: bool
+) -> int:
+    """How many scenes the run has seen, if it is allowed.
+
+    Raises:
+        DataError: If it has, and it is not.
+    """
+    kept = RunScenes.load(run.folder.scenes_file)
+    if kept is None:
+        logger.warning(
+            "'%s' has no %s: whether it was trained on these scenes is seen by their tokens only.",
+            legible(str(run.folder.folder)),
+            run.folder.scenes_file.name,
+        )
+        tokens = known.scene_token.tolist()
+        kept = RunScenes(tuple(KnownScene("", token) for token in tokens), (), ())
+    fitted = (*kept.fitted, *run.templates.scenes)
+    if not allow:
+        check_unseen(scored, kept.trained, TRAINED_ON)
+        check_unseen(scored, fitted, FITTED_ON)
+    return len({scene for scene, _ in find_shared(scored, (*kept.trained, *fitted))})
 
 
 def baseline_log_probs(

@@ -2,11 +2,12 @@
 
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import yaml
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
+from lss_core.bounds import MAX_COUNT, Bounds, Count, Seed, SettingError, check_settings
 from lss_core.config import DataConfig, DepthBins, ImageConfig, ModelConfig
 from lss_core.errors import DataError
 from lss_core.files import write_atomically
@@ -15,6 +16,8 @@ from shoot.device import Accelerator
 from shoot.planner import PlannerConfig
 
 Precision = Literal["32-true", "bf16-mixed", "16-mixed"]
+_Several = Annotated[int, Bounds(0, MAX_COUNT)]
+_Processes = Annotated[int, Bounds(1, 65_536)]
 
 
 @dataclass(frozen=True)
@@ -35,19 +38,18 @@ class OptimConfig:
             run.
     """
 
-    steps: int = 300_000
-    batch_size: int = 4
-    learning_rate: float = 1e-3
-    weight_decay: float = 1e-7
-    clip_norm: float = 5.0
-    warmup_steps: int = 0
+    steps: Count = 300_000
+    batch_size: Annotated[int, Bounds(1, 65_536)] = 4
+    learning_rate: Annotated[float, Bounds(0.0, 10.0, low_is_in=False)] = 1e-3
+    weight_decay: Annotated[float, Bounds(0.0, 10.0)] = 1e-7
+    clip_norm: Annotated[float, Bounds(0.0, 1e9, low_is_in=False)] = 5.0
+    warmup_steps: _Several = 0
     schedule: Literal["constant", "cosine"] = "constant"
-    depth_weight: float = 0.0
-    max_bad_steps: int = 20
+    depth_weight: Annotated[float, Bounds(0.0, 1_000.0)] = 0.0
+    max_bad_steps: Count = 20
 
     def __post_init__(self) -> None:
-        if self.steps < 1 or self.batch_size < 1 or self.max_bad_steps < 1:
-            raise ValueError("steps, batch_size and max_bad_steps must be at least 1.")
+        check_settings(self)
 
 
 @dataclass(frozen=True)
@@ -91,22 +93,41 @@ class TrainConfig:
     optim: OptimConfig = field(default_factory=OptimConfig)
     train_split: str = "train"
     val_split: str = "val"
-    val_every: int = 1000
-    val_samples: int = 0
-    num_workers: int = 4
+    val_every: Count = 1000
+    val_samples: _Several = 0
+    num_workers: Annotated[int, Bounds(0, 1024)] = 4
     accelerator: Accelerator = "auto"
-    devices: int = 1
-    num_nodes: int = 1
+    devices: _Processes = 1
+    num_nodes: _Processes = 1
     sync_batchnorm: bool = True
     precision: Precision | Literal["auto"] = "32-true"
     deterministic: bool = False
-    seed: int = 0
+    seed: Seed = 0
     resume: bool = False
     allow_seen_scenes: bool = False
 
     def __post_init__(self) -> None:
-        if self.val_every < 1 or self.devices < 1:
-            raise ValueError("val_every and devices must be at least 1.")
+        check_settings(self)
+        if self.train_split == self.val_split:
+            raise SettingError(
+                f"train_split and val_split are both '{self.train_split}', but must share no scene."
+            )
+        if not self.data.lidar_scans:
+            self._check_cameras_planner()
+
+    def _check_cameras_planner(self) -> None:
+        for name in ("height_px", "width_px"):
+            side = getattr(self.data.image, name)
+            if side % self.model.image_stride:
+                raise SettingError(
+                    f"{name} is {side}, but must be a multiple of image_stride, "
+                    f"{self.model.image_stride}."
+                )
+        if self.optim.depth_weight > 0.0 and len(self.model.depth.depths_m) < 2:
+            raise SettingError(
+                "There is one depth, but depth_weight needs two or more to tell apart; choose a "
+                "smaller step_m."
+            )
 
     def save(self, path: Path) -> None:
         """Write it as YAML."""

@@ -1,6 +1,6 @@
 """Samples with what the driver did next: Batch, future and template label, and their loaders."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,15 +15,17 @@ from torch.utils.data import DataLoader, Dataset, Sampler
 from lss_core.batch import Batch, collate
 from lss_core.config import DataConfig
 from lss_core.data.dataset import CameraDataset, LidarDataset
+from lss_core.data.drives import KnownScene, know_scenes
+from lss_core.data.padding import check_padding
 from lss_core.data.samples import SampleIndex, load_index, rows_of_split
 from lss_core.data.usable import LeftOut, Needs, usable_rows, usable_scenes
 from lss_core.errors import DataError
 from shoot.config import TrainConfig
 from shoot.device import choose_device
+from shoot.run_scenes import FITTED_ON, RunScenes, check_apart, check_unseen
 from shoot.templates import TemplateSet
 from shoot.trajectories import DT_S, HORIZON_S, Futures, mine_futures
 
-FITTED_ON = "The templates were fitted on"
 MIN_VAL_BATCH = 8
 
 
@@ -53,26 +55,6 @@ class PlanBatch:
         """The same in page-locked memory."""
         return PlanBatch(
             self.sensors.pin_memory(), self.future.pin_memory(), self.template_idx.pin_memory()
-        )
-
-
-def check_unseen(scene_tokens: NDArray[np.character], seen: Iterable[str], what: str) -> None:
-    """Check that scenes to be scored are none of those that something was made from.
-
-    Args:
-        scene_tokens: Of the samples to be scored.
-        seen: Tokens of the scenes it was made from; none if they are not known.
-        what: What was made from them, and how, for the message.
-
-    Raises:
-        DataError: If they share a scene.
-    """
-    shared = set(np.unique(scene_tokens).tolist()).intersection(seen)
-    if shared:
-        raise DataError(
-            f"{what} {len(shared)} of the scenes to be scored (the one with token '{min(shared)}' "
-            "is among them), so a score would say little of new ones; score other scenes, or go "
-            "on all the same with --allow-seen-scenes."
         )
 
 
@@ -112,6 +94,11 @@ class LabelledSplit:
         """[S] token of each sample's scene."""
         tokens: NDArray[np.character] = self.index.scene_token[self.futures.scene]
         return tokens
+
+    @property
+    def scenes(self) -> tuple[KnownScene, ...]:
+        """The samples' scenes, as they can be met again."""
+        return know_scenes(self.index, np.unique(self.futures.scene).tolist())
 
     @property
     def logs(self) -> NDArray[np.character] | None:
@@ -186,6 +173,8 @@ def label_rows(
         usable = usable_rows(index, Path(data.root), futures.sample, data.skip_bad, needs)
         futures = futures.select(np.isin(futures.sample, usable.rows))
         left_out += usable.left_out
+        if needs.images:
+            check_padding(index, data, futures.sample)
     return LabelledSplit(index, futures, templates.nearest(futures.xy_m), left_out)
 
 
@@ -298,7 +287,11 @@ class PlanningData(pl.LightningDataModule):
     """Loaders of a training run.
 
     Raises:
-        DataError: If the data is not as it should be, or training and validation share a scene.
+        DataError: If the data is not as it should be, or training and validation share a scene or
+            a drive.
+
+    Attributes:
+        scenes: Those trained and validated on, and those the templates were fitted on.
     """
 
     def __init__(self, config: TrainConfig, templates: TemplateSet) -> None:
@@ -309,6 +302,9 @@ class PlanningData(pl.LightningDataModule):
         self.train_split = load_split(
             config.data, config.train_split, templates, with_points=self._with_points
         )
+        if not config.data.lidar_scans:
+            train = self.train_split
+            check_padding(train.index, config.data, train.futures.sample, training=True)
         self.val_split = load_split(config.data, config.val_split, templates)
         shared = set(self.train_split.scene_names) & set(self.val_split.scene_names)
         if shared:
@@ -316,8 +312,14 @@ class PlanningData(pl.LightningDataModule):
                 f"Splits '{config.train_split}' and '{config.val_split}' share {len(shared)} "
                 f"scenes ('{min(shared)}' is one); a result on them would be worth nothing."
             )
+        trained, validated = self.train_split.scenes, self.val_split.scenes
+        check_apart(validated, trained, config.val_split, config.train_split)
         if not config.allow_seen_scenes:
-            check_unseen(self.val_split.scene_tokens, templates.scene_tokens, FITTED_ON)
+            check_unseen(validated, templates.scenes, FITTED_ON)
+        # Of older templates only the tokens are known.
+        by_token = {scene.token: scene for scene in (*trained, *validated)}
+        fitted = tuple(by_token.get(scene.token, scene) for scene in templates.scenes)
+        self.scenes = RunScenes(trained, validated, fitted)
 
     @property
     def left_out(self) -> dict[str, tuple[LeftOut, ...]]:

@@ -34,7 +34,15 @@ def template_ade(
 
     Returns:
         float32: within 50 m good to a few micrometres.
+
+    Raises:
+        ValueError: If paths and templates have other numbers of points.
     """
+    if futures.shape[1:] != templates.shape[1:]:
+        raise ValueError(
+            f"Futures {list(futures.shape)} and templates {list(templates.shape)} must have the "
+            "same points."
+        )
     ahead, bank = futures.astype(np.float32), templates.astype(np.float32)
     ade_m = np.zeros((len(ahead), len(bank)), dtype=np.float32)
     for start in range(0, len(ahead), _ROWS):
@@ -84,8 +92,15 @@ def open_loop_l2(
         `l2_at_1s`, `l2_upto_1s`, ... in metres; NaN where the paths end earlier.
 
     Raises:
-        ValueError: If 0.5 s is no multiple of `dt_s`.
+        ValueError: If 0.5 s is no multiple of `dt_s`, or there is not one trajectory for each path.
     """
+    if chosen.shape != futures.shape:
+        raise ValueError(
+            f"Chosen trajectories {list(chosen.shape)} and futures {list(futures.shape)} must be "
+            "of one shape."
+        )
+    if not dt_s > 0.0:
+        raise ValueError(f"dt_s must be more than 0 s, got {dt_s}.")
     stride = round(L2_STEP_S / dt_s)
     if stride < 1 or abs(stride * dt_s - L2_STEP_S) > 1e-9:
         raise ValueError(f"L2 needs points every {L2_STEP_S} s, which is no multiple of {dt_s} s.")

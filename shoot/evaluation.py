@@ -19,6 +19,7 @@ from shoot.calibration import (
     calibration_terms,
     measure_reliability,
 )
+from shoot.check_basis import CheckBasis
 from shoot.manoeuvres import MANOEUVRES, classify_manoeuvres
 from shoot.metrics import PerSample
 from shoot.scoring import PathChecks, Scorer, Scores, select_samples
@@ -106,6 +107,9 @@ class Report:
             intervals.
         num_bad_samples: Samples left out because they cannot be used.
         resampled: What intervals are over.
+        num_seen_scenes: Scenes that the run was trained on, or its templates fitted.
+        rests_on: What collision and off-road rates rest on, or why there are none; None if paths
+            were not checked.
     """
 
     split: str
@@ -118,6 +122,8 @@ class Report:
     by_scene: dict[str, dict[str, float | int | str]] = field(default_factory=dict)
     num_bad_samples: int = 0
     resampled: Groups = "scenes"
+    num_seen_scenes: int = 0
+    rests_on: CheckBasis | None = None
 
     def to_json(self) -> dict[str, Any]:
         """The form of report.json: plain dicts, lists, strings, numbers and null."""
@@ -127,7 +133,9 @@ class Report:
             **self.overall.to_json(),
             "num_boxes_left_out": self.num_boxes_left_out,
             "num_samples_with_boxes_left_out": self.num_samples_with_boxes_left_out,
+            "rests_on": None if self.rests_on is None else self.rests_on.to_json(),
             "num_bad_samples": self.num_bad_samples,
+            "num_seen_scenes": self.num_seen_scenes,
             "by_manoeuvre": {name: part.to_json() for name, part in self.by_manoeuvre.items()},
             "by_condition": {name: part.to_json() for name, part in self.by_condition.items()},
             "by_speed": {name: part.to_json() for name, part in self.by_speed.items()},

@@ -11,7 +11,7 @@ _OF_CONNECTIONS = (
 )
 
 
-def lost_process(error: RuntimeError) -> str | None:
+def lost_process(error: RuntimeError | MemoryError) -> str | None:
     """What has been lost, and what to do; None for other errors.
 
     Such errors may come out of any line: torch raises them where its main process happens to be.

@@ -31,7 +31,14 @@ def heading_changes(
     Returns:
         Change of heading in rad, positive to the left (0 where it never moves); and True where the
         path leaves the circle of radius `step_m` around its start.
+
+    Raises:
+        ValueError: If `step_m` is not more than 0, or the paths are no finite [S, T, 2].
     """
+    if not step_m > 0.0:
+        raise ValueError(f"The step must be more than 0 m, got {step_m}.")
+    if futures.ndim != 3 or futures.shape[2] != 2 or not np.isfinite(futures).all():
+        raise ValueError(f"Futures must be finite and [S, T, 2], got {list(futures.shape)}.")
     num_samples = len(futures)
     anchor = np.zeros((num_samples, 2))
     heading_rad = np.zeros(num_samples)

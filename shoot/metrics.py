@@ -53,7 +53,11 @@ class LabelRanks:
 
         Templates are ordered by frequency, so an order by index would give a planner that says
         nothing the accuracy of the prior. This way it has k / K.
+
+        Raises:
+            ValueError: If `k` is below 1.
         """
+        _check_k(k)
         share = np.clip((k - self.num_before) / np.maximum(self.num_tied, 1), 0.0, 1.0)
         hit: Array = share * (self.num_tied > 0)
         return hit
@@ -68,12 +72,39 @@ def rank_labels(log_prob: Float[Array, "S K"], label: Int[Array, " S"]) -> Label
     Args:
         log_prob: Any monotone score per template; high is good.
         label: Index of the template nearest to the driven path.
+
+    Raises:
+        ValueError: If there is not one label in 0..K-1 for each sample.
     """
+    check_labels(label, log_prob.shape)
     at_label = np.take_along_axis(log_prob, label[:, None], axis=1)
     num_tied = (log_prob == at_label).sum(axis=1)
     # Counting those behind, not those before, keeps a diverged (NaN) model from ranking first.
     num_behind = (log_prob < at_label).sum(axis=1)
     return LabelRanks(log_prob.shape[1] - num_behind - num_tied, num_tied)
+
+
+def check_labels(label: Int[Array, "..."], shape: tuple[int, ...]) -> None:
+    """Check that labels are those of [S, K] values: one in 0..K-1 for each sample.
+
+    Raises:
+        ValueError: If not.
+    """
+    num_samples, num_templates = shape
+    if label.shape != (num_samples,) or not np.issubdtype(label.dtype, np.integer):
+        raise ValueError(
+            f"There must be one whole label for each of {num_samples} samples, got {label.dtype} "
+            f"{list(label.shape)}."
+        )
+    if label.size and not 0 <= label.min() <= label.max() < num_templates:
+        raise ValueError(
+            f"Labels must lie in 0..{num_templates - 1}, got {label.min()} to {label.max()}."
+        )
+
+
+def _check_k(k: int) -> None:
+    if k < 1:
+        raise ValueError(f"The number of best-ranked templates must be at least 1, got {k}.")
 
 
 def top_templates(log_prob: Float[Array, "S K"], k: int) -> Int[Array, "S J"]:
@@ -89,8 +120,7 @@ def top_templates(log_prob: Float[Array, "S K"], k: int) -> Int[Array, "S J"]:
     Raises:
         ValueError: If `k` is below 1.
     """
-    if k < 1:
-        raise ValueError(f"The number of best-ranked templates must be at least 1, got {k}.")
+    _check_k(k)
     best = np.empty((len(log_prob), min(k, log_prob.shape[1])), dtype=np.int64)
     for start in range(0, len(log_prob), _ROWS):
         rows = slice(start, start + _ROWS)
@@ -101,7 +131,12 @@ def top_templates(log_prob: Float[Array, "S K"], k: int) -> Int[Array, "S J"]:
 def negative_log_likelihood(
     log_prob: Float[Array, "S K"], label: Int[Array, " S"]
 ) -> Float[Array, " S"]:
-    """Minus the label's log-probability, in nats."""
+    """Minus the label's log-probability, in nats.
+
+    Raises:
+        ValueError: If there is not one label in 0..K-1 for each sample.
+    """
+    check_labels(label, log_prob.shape)
     nll: Array = -np.take_along_axis(log_prob, label[:, None], axis=1)[:, 0].astype(np.float64)
     return nll
 
@@ -119,19 +154,39 @@ def template_errors(
         templates: Points (x, y) in metres in `ego`.
         futures: Driven paths at the same times, in metres in `ego`.
         best: Templates of each sample, best-ranked first, as `top_templates` gives them.
+
+    Raises:
+        ValueError: If there are other numbers of points or of samples, or templates that are none.
     """
+    if templates.shape[1:] != futures.shape[1:] or len(best) != len(futures):
+        raise ValueError(
+            f"Templates {list(templates.shape)}, futures {list(futures.shape)} and best "
+            f"{list(best.shape)} must be [K, T, 2], [S, T, 2] and [S, J]."
+        )
+    if best.size and not 0 <= best.min() <= best.max() < len(templates):
+        raise ValueError(f"Templates must lie in 0..{len(templates) - 1}, got others.")
     distance_m = np.linalg.norm(templates[best] - futures[:, None], axis=-1)
     return TemplateErrors(distance_m.mean(-1), distance_m[..., -1], distance_m.max(-1))
 
 
 def min_ade(errors: TemplateErrors, k: int) -> Float[Array, " S"]:
-    """Smallest average displacement error among the k best-ranked templates, in metres."""
+    """Smallest average displacement error among the k best-ranked templates, in metres.
+
+    Raises:
+        ValueError: If `k` is below 1.
+    """
+    _check_k(k)
     ade_m: Array = errors.mean_m[:, :k].min(axis=1)
     return ade_m
 
 
 def min_fde(errors: TemplateErrors, k: int) -> Float[Array, " S"]:
-    """Smallest final displacement error among the k best-ranked templates, in metres."""
+    """Smallest final displacement error among the k best-ranked templates, in metres.
+
+    Raises:
+        ValueError: If `k` is below 1.
+    """
+    _check_k(k)
     fde_m: Array = errors.final_m[:, :k].min(axis=1)
     return fde_m
 
@@ -141,7 +196,11 @@ def misses(errors: TemplateErrors, k: int, miss_m: float = MISS_M) -> Float[Arra
 
     This is the rule of nuScenes' prediction challenge (largest distance over the path), not
     Argoverse's (distance at its end).
+
+    Raises:
+        ValueError: If `k` is below 1.
     """
+    _check_k(k)
     missed: Array = (errors.max_m[:, :k].min(axis=1) >= miss_m).astype(np.float64)
     return missed
 
@@ -154,6 +213,9 @@ class PlanningMetrics(Metric):
 
     Args:
         ks: The k of each top-k accuracy.
+
+    Raises:
+        ValueError: If one is below 1.
     """
 
     full_state_update = False
@@ -167,6 +229,8 @@ class PlanningMetrics(Metric):
     def __init__(self, ks: Sequence[int] = TOP_KS) -> None:
         super().__init__()
         self.ks = tuple(ks)
+        for k in self.ks:
+            _check_k(k)
         hits = torch.zeros(len(self.ks), dtype=torch.float64)
         self.add_state("hits", hits, dist_reduce_fx="sum")
         self.add_state("nll_sum", torch.zeros((), dtype=torch.float64), dist_reduce_fx="sum")

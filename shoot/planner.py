@@ -8,6 +8,7 @@ import torch.nn.functional as F
 from jaxtyping import Float, Int
 from torch import Tensor, nn
 
+from lss_core.bounds import check_settings
 from lss_core.grid import BevGrid, CellWindow
 
 Interpolation = Literal["bilinear", "nearest"]
@@ -28,6 +29,9 @@ class PlannerConfig:
     interpolation: Interpolation = "bilinear"
     off_grid: OffGrid = "learned"
     learn_temperature: bool = False
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 @dataclass(frozen=True)
@@ -60,6 +64,11 @@ class TemplateReads:
         columns = self.cell_idx % grid.num_y - window.y_start
         moved = rows * window.shape[1] + columns
         return replace(self, cell_idx=torch.where(self.weight > 0.0, moved, 0))
+
+
+def share_on_grid(templates: Float[Tensor, "K T 2"], grid: BevGrid) -> float:
+    """Share of all waypoints (metres in `ego`) that lie on the grid, 0 to 1."""
+    return float(grid.cells(templates.double())[1].double().mean())
 
 
 def prepare_reads(
@@ -144,22 +153,44 @@ def score_templates(
         Unnormalised scores where `cost_map` lies, differentiable in it and in `off_grid_cost`.
 
     Raises:
-        ValueError: If `cost_map` has other cell counts than `grid`.
+        ValueError: If `cost_map` has other cell counts than `grid`, or something is of another
+            shape or type or, on the host, not finite.
     """
-    if tuple(cost_map.shape[1:]) != grid.shape:
-        raise ValueError(
-            f"The cost map is {tuple(cost_map.shape[1:])} cells, its grid {grid.shape}."
-        )
+    _check_cost_map(cost_map, grid)
+    _check_templates(templates)
+    if cost_map.device.type == "cpu" and not cost_map.isfinite().all():
+        raise ValueError("The cost map must be finite, but holds NaN or infinity.")
     reads = prepare_reads(templates.to(cost_map.device), grid, interpolation, off_grid)
     if isinstance(off_grid_cost, Tensor):
         off_grid_cost = off_grid_cost.to(cost_map.device)
     return score_reads(cost_map, reads, off_grid_cost)
 
 
+def _check_cost_map(cost_map: Tensor, grid: BevGrid) -> None:
+    if cost_map.ndim != 3 or not cost_map.is_floating_point():
+        raise ValueError(
+            f"Cost maps must be floats [B, X, Y], got {cost_map.dtype} {list(cost_map.shape)}."
+        )
+    if tuple(cost_map.shape[1:]) != grid.shape:
+        raise ValueError(
+            f"The cost map is {tuple(cost_map.shape[1:])} cells, its grid {grid.shape}."
+        )
+
+
+def _check_templates(templates: Tensor) -> None:
+    if templates.ndim != 3 or templates.shape[-1] != 2 or 0 in templates.shape:
+        raise ValueError(f"Templates must be [K, T, 2], got {list(templates.shape)}.")
+    if templates.device.type == "cpu" and not templates.isfinite().all():
+        raise ValueError("Templates must be finite, but hold NaN or infinity.")
+
+
 class Planner(nn.Module):
     """Scores a fixed set of templates on cost maps; templates are a buffer.
 
     Paper: section 3.3, Eq. 2.
+
+    Raises:
+        ValueError: If the templates are no finite [K, T, 2].
     """
 
     templates: Tensor
@@ -174,6 +205,7 @@ class Planner(nn.Module):
         config: PlannerConfig = PlannerConfig(),
     ) -> None:
         super().__init__()
+        _check_templates(templates)
         self.grid = grid
         self.config = config
         reads = prepare_reads(templates, grid, config.interpolation, config.off_grid)
@@ -192,10 +224,7 @@ class Planner(nn.Module):
         Raises:
             ValueError: If `cost_map` has other cell counts than the planner's grid.
         """
-        if tuple(cost_map.shape[1:]) != self.grid.shape:
-            raise ValueError(
-                f"The cost map is {tuple(cost_map.shape[1:])} cells, its grid {self.grid.shape}."
-            )
+        _check_cost_map(cost_map, self.grid)
         return self.score(cost_map, self.reads)
 
     @property

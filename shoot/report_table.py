@@ -31,6 +31,7 @@ _DRIVING_COLUMNS = (
     ("off_road_3s", "off-r.\n3 s\n%", "{:.1f}"),
     ("comfort", "comf.\n%", "{:.0f}"),
 )
+_CHECKED = ("collision_3s", "off_road_3s")
 
 
 def format_table(report: Report, width: int = 80) -> str:
@@ -46,17 +47,18 @@ def format_table(report: Report, width: int = 80) -> str:
     console = Console(file=io.StringIO(), width=width, color_system=None)
     with console.capture() as captured:
         console.print(_ranking_table(report))
-        console.print(_driving_table(report.overall))
-        console.print(Text(_driving_legend(report.overall) + "\n"))
+        console.print(_driving_table(report.overall, report.rests_on is not None))
+        console.print(Text(_driving_legend(report) + "\n"))
         console.print(_parts_table(report))
     return "\n".join(line.rstrip() for line in captured.get().splitlines()).strip("\n")
 
 
 def _ranking_table(report: Report) -> Table:
     overall = report.overall
+    seen = f"; {report.num_seen_scenes} SEEN in training" if report.num_seen_scenes else ""
     table = _table(
         f"Split '{report.split}': {overall.num_samples} samples of {overall.num_scenes} scenes "
-        f"(95 % intervals over {name_groups(report.resampled, overall.num_groups)})"
+        f"(95 % intervals over {name_groups(report.resampled, overall.num_groups)}){seen}"
     )
     table.add_column("method", max_width=14)
     for _, header, _ in _RANKING_COLUMNS:
@@ -74,12 +76,15 @@ def _ranking_table(report: Report) -> Table:
     return table
 
 
-def _driving_table(overall: Results) -> Table:
+def _driving_table(overall: Results, was_checked: bool) -> Table:
+    """Where paths were checked, rates that cannot be told are dashes."""
     rows = dict(overall.methods)
     if overall.driver:
         rows["driver"] = overall.driver
     columns = [
-        column for column in _DRIVING_COLUMNS if any(column[0] in found for found in rows.values())
+        column
+        for column in _DRIVING_COLUMNS
+        if (was_checked and column[0] in _CHECKED) or any(column[0] in it for it in rows.values())
     ]
     table = _table("Calibration, distances, safety")
     table.add_column("method", max_width=14)
@@ -89,22 +94,28 @@ def _driving_table(overall: Results) -> Table:
         if name == "driver":
             table.add_section()
         cells = (
-            Text(_number(metrics[key].value, form) if key in metrics else "")
+            Text(_number(metrics[key].value, form) if key in metrics else _absent(key))
             for key, _, form in columns
         )
         table.add_row(Text(_spaced(name)), *cells)
     return table
 
 
-def _driving_legend(overall: Results) -> str:
-    has_checks = any("collision_3s" in metrics for metrics in overall.methods.values())
+def _absent(key: str) -> str:
+    return "-" if key in _CHECKED else ""
+
+
+def _driving_legend(report: Report) -> str:
+    overall = report.overall
+    has_checks = any(key in metrics for metrics in overall.methods.values() for key in _CHECKED)
     checks = "; crash, off-r.: it collides, leaves the road, within 3 s" if has_checks else ""
+    rests_on = "" if report.rests_on is None else ". ".join(report.rests_on.sentences()) + "."
     return (
         "exp. ADE: mean over the whole distribution. L2: distance of the most probable template "
         "at 3 s (as UniAD); mean L2: of its distances at 0.5, 1, ... 3 s (as ST-P3, VAD)"
         f"{checks}; comf.: its acceleration and jerk are comfortable. "
-        f"The nearest template is {overall.oracle['ade'].value:.2f} m off (ADE)."
-    )
+        f"The nearest template is {overall.oracle['ade'].value:.2f} m off (ADE).\n{rests_on}"
+    ).rstrip("\n")
 
 
 def _parts_table(report: Report) -> Table:

@@ -66,6 +66,11 @@ class RunFolder:
         return self.folder / "training_motion.npz"
 
     @property
+    def scenes_file(self) -> Path:
+        """Which scenes it has seen."""
+        return self.folder / "scenes.json"
+
+    @property
     def past_motion_file(self) -> Path:
         """Networks of the baseline past motion, kept by the first evaluation."""
         return self.folder / "past_motion.safetensors"
@@ -156,8 +161,8 @@ class RunFolder:
     def _check_same(self, config: TrainConfig) -> None:
         """What may differ on resuming: where things are and how they run, not what is computed."""
         free = {
-            "templates": "",
-            "out": "",
+            "templates": "-",
+            "out": "-",
             "resume": False,
             "num_workers": 0,
             "accelerator": "auto",
@@ -167,8 +172,8 @@ class RunFolder:
         }
         before = replace(self.config(), **free)  # type: ignore[arg-type]
         now = replace(config, **free)  # type: ignore[arg-type]
-        before = replace(before, data=replace(before.data, root=""))
-        now = replace(now, data=replace(now.data, root=""))
+        before = replace(before, data=replace(before.data, root="-"))
+        now = replace(now, data=replace(now.data, root="-"))
         if before != now:
             differ = [n for n in vars(now) if getattr(now, n) != getattr(before, n)]
             raise DataError(

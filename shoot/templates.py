@@ -3,7 +3,7 @@
 import hashlib
 import json
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -13,12 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.metrics import pairwise_distances_argmin
 
+from lss_core.bounds import MAX_SEED
+from lss_core.data.drives import KnownScene
 from lss_core.errors import DataError
 from lss_core.files import write_atomically
 from lss_core.geometry import FloatArray
 from lss_core.npz import UNREADABLE, read_npz
 from shoot.clustering import cluster, cluster_stream
-from shoot.trajectories import DT_S
+from shoot.trajectories import DT_S, HORIZON_S, check_futures
 
 FORMAT_VERSION = 1
 # A million templates of 20 points take 160 MB; what unpacks to more is not meant well.
@@ -53,12 +55,26 @@ class TemplateSet:
         dt_s: Time between points.
         counts: [K] futures of the fit nearest to each.
         card: Provenance, JSON values only.
+
+    Raises:
+        ValueError: If points, counts or time step are of another shape or type, or cannot be.
     """
 
     points: NDArray[np.float32]
     dt_s: float
     counts: NDArray[np.int64]
     card: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        points, counts = self.points, self.counts
+        if points.ndim != 3 or points.shape[2] != 2 or 0 in points.shape:
+            raise ValueError(f"Templates must be [K, T, 2], got {list(points.shape)}.")
+        if points.dtype != np.float32 or not np.isfinite(points).all():
+            raise ValueError("Templates must be finite and float32.")
+        if counts.shape != points.shape[:1] or counts.dtype != np.int64 or (counts < 0).any():
+            raise ValueError("Templates must have an int64 count each, 0 or more.")
+        if not 0.0 < self.dt_s < math.inf:
+            raise ValueError(f"dt_s must be more than 0 s, got {self.dt_s}.")
 
     @property
     def sha256(self) -> str:
@@ -78,14 +94,32 @@ class TemplateSet:
         tokens = self.card.get("scene_tokens")
         return tuple(map(str, tokens)) if isinstance(tokens, list) else ()
 
+    @property
+    def scenes(self) -> tuple[KnownScene, ...]:
+        """Those they were fitted on, as far as the card tells; older ones tell tokens only.
+
+        Raises:
+            ValueError: If the card's lists do not fit each other.
+        """
+        tokens = self.scene_tokens
+        unknown = [""] * len(tokens)
+        names = self.card.get("scene_names", unknown)
+        digests = self.card.get("scene_digests", unknown)
+        return tuple(
+            KnownScene(str(name), token, str(digest))
+            for name, token, digest in zip(names, tokens, digests, strict=True)
+        )
+
     def nearest(self, futures: FloatArray) -> NDArray[np.int64]:
         """[M] the template nearest in L2 (norm of all 2 T numbers) to each of [M, T, 2] futures.
 
         Paper: section 3.3.
 
         Raises:
-            DataError: If the futures have another number of points.
+            DataError: If the futures have another number of points, or are not finite.
         """
+        if not np.isfinite(futures).all():
+            raise DataError("Futures must be finite, but hold NaN or infinity.")
         if futures.shape[1:] != self.points.shape[1:]:
             raise DataError(
                 f"Templates have {self.points.shape[1]} points, futures {futures.shape[1]}; "
@@ -156,25 +190,22 @@ class TemplateSet:
             raise DataError(f"'{path}' is not a template file: {error}") from error
         if not isinstance(card, dict) or card.get("format_version") != FORMAT_VERSION:
             raise DataError(f"'{path}' is of another template format; fit it anew.")
-        valid = (
-            points.ndim == 3
-            and points.shape[0] > 0
-            and points.shape[1] > 0
-            and points.shape[2] == 2
-            and points.dtype == np.float32
-            and counts.dtype == np.int64
-            and counts.shape == points.shape[:1]
-            and bool((counts >= 0).all())
-            and bool(np.isfinite(points).all())
-            and math.isfinite(dt_s)
-            and dt_s > 0.0
-        )
-        if not valid:
-            raise DataError(f"'{path}' holds no [K, T, 2] float32 templates; fit it anew.")
-        return TemplateSet(points=points, dt_s=dt_s, counts=counts, card=card)
+        try:
+            if points.dtype != np.float32 or counts.dtype != np.int64:
+                raise ValueError(f"They are {points.dtype}, their counts {counts.dtype}.")
+            templates = TemplateSet(points=points, dt_s=dt_s, counts=counts, card=card)
+        except ValueError as error:
+            raise DataError(
+                f"'{path}' holds no [K, T, 2] float32 templates; fit it anew ({error})"
+            ) from error
+        try:
+            templates.scenes  # noqa: B018
+        except (ValueError, TypeError) as error:
+            raise DataError(f"The card of '{path}' is damaged: {error}; fit it anew.") from error
+        return templates
 
 
-def fit_templates(futures: FloatArray, k: int, seed: int) -> TemplateSet:
+def fit_templates(futures: FloatArray, k: int, seed: int, dt_s: float | None = None) -> TemplateSet:
     """K-Means centres of futures, most frequent first.
 
     Paper: section 5.6 (K = 1000 on all ego trajectories of the training set).
@@ -183,10 +214,14 @@ def fit_templates(futures: FloatArray, k: int, seed: int) -> TemplateSet:
         futures: [M, T, 2] metres in the ego frame of each start.
         k: Number of templates.
         seed: Of the K-Means initialisation; same futures and seed, same templates.
+        dt_s: Time between their points; needed unless they are of 5 s, every 0.25 s.
 
     Raises:
-        DataError: If there are fewer futures than templates, or too few distinct ones.
+        DataError: If there are fewer futures than templates, too few distinct ones, or futures that
+            no car can have driven.
     """
+    _check_seed(seed)
+    dt_s = _time_step(futures, dt_s)
     if k < 1 or k > len(futures):
         raise DataError(
             f"Cannot fit {k} templates to {len(futures)} trajectories; "
@@ -198,13 +233,14 @@ def fit_templates(futures: FloatArray, k: int, seed: int) -> TemplateSet:
         raise DataError(f"Only {distinct} of the trajectories differ; choose a k of at most that.")
     clusters = cluster(flat, k, seed)
     points = clusters.centres.reshape(k, *futures.shape[1:]).astype(np.float32)
-    fitted = TemplateSet(points=points, dt_s=DT_S, counts=np.zeros(k, dtype=np.int64))
+    fitted = TemplateSet(points=points, dt_s=dt_s, counts=np.zeros(k, dtype=np.int64))
     counts = np.bincount(fitted.nearest(futures), minlength=k)
-    return _template_set(points, counts, seed, clusters.inertia, "K-Means, from coarse to fine")
+    method = "K-Means, from coarse to fine"
+    return _template_set(points, dt_s, counts, seed, clusters.inertia, method)
 
 
 def fit_templates_stream(
-    chunks: Callable[[], Iterable[FloatArray]], k: int, seed: int
+    chunks: Callable[[], Iterable[FloatArray]], k: int, seed: int, dt_s: float | None = None
 ) -> tuple[TemplateSet, FloatArray]:
     """Mini-batch K-Means centres of futures that need not fit into memory, most frequent first.
 
@@ -216,29 +252,59 @@ def fit_templates_stream(
             beginning once more.
         k: Number of templates.
         seed: Of samples and choice.
+        dt_s: Time between points of the futures; needed unless they are of 5 s, every 0.25 s.
 
     Returns:
         The templates; and a random sample [S, T, 2] of the futures that they were not chosen from.
 
     Raises:
-        DataError: If there are fewer futures than templates, or too few distinct ones.
+        DataError: If there are fewer futures than templates, too few distinct ones, or futures that
+            no car can have driven.
     """
-    shape = next((chunk.shape[1:] for chunk in chunks() if len(chunk)), None)
-    if shape is None or k < 1:
+    _check_seed(seed)
+    first = next((chunk for chunk in chunks() if len(chunk)), None)
+    if first is None or k < 1:
         raise DataError(
-            f"Cannot fit {k} templates to {'no' if shape is None else 'any'} trajectories."
+            f"Cannot fit {k} templates to {'no' if first is None else 'any'} trajectories."
         )
-    clusters = cluster_stream(lambda: (c.reshape(len(c), -1) for c in chunks() if len(c)), k, seed)
+    shape, step_s = first.shape[1:], _time_step(first, dt_s)
+
+    def flat_chunks() -> Iterator[FloatArray]:
+        for chunk in chunks():
+            check_futures(chunk, step_s)
+            if len(chunk):
+                yield chunk.reshape(len(chunk), -1)
+
+    clusters = cluster_stream(flat_chunks, k, seed)
     points = clusters.centres.reshape(k, *shape).astype(np.float32)
-    templates = _template_set(
-        points, clusters.counts, seed, clusters.inertia, "mini-batch K-Means of a stream"
-    )
+    method = "mini-batch K-Means of a stream"
+    templates = _template_set(points, step_s, clusters.counts, seed, clusters.inertia, method)
     card = templates.card | {"inertia_given_up_at_most": clusters.given_up}
     return replace(templates, card=card), clusters.sample.reshape(-1, *shape)
 
 
+def _check_seed(seed: int) -> None:
+    if not 0 <= seed <= MAX_SEED:
+        raise DataError(f"The seed must lie in 0 to {MAX_SEED}, got {seed}.")
+
+
+def _time_step(futures: FloatArray, dt_s: float | None) -> float:
+    """Time between points of futures: as given, or as futures are mined."""
+    if dt_s is None:
+        num_points = round(HORIZON_S / DT_S)
+        if futures.ndim == 3 and futures.shape[1] != num_points:
+            raise DataError(
+                f"Futures of {futures.shape[1]} points are not those of {HORIZON_S:g} s every "
+                f"{DT_S:g} s, which have {num_points}; say the time between their points (dt_s)."
+            )
+        dt_s = DT_S
+    check_futures(futures, dt_s)
+    return dt_s
+
+
 def _template_set(
     points: NDArray[np.float32],
+    dt_s: float,
     counts: NDArray[np.int64],
     seed: int,
     inertia_m2: float,
@@ -247,7 +313,7 @@ def _template_set(
     order = np.argsort(-counts, kind="stable")
     return TemplateSet(
         points=points[order],
-        dt_s=DT_S,
+        dt_s=dt_s,
         counts=counts[order],
         card={
             "k": len(points),

@@ -3,7 +3,7 @@
 import logging
 import math
 import os
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,16 +11,20 @@ from typing import Any
 import pytorch_lightning as pl
 import torch
 import torch.distributed as dist
+from lightning_fabric.utilities.exceptions import MisconfigurationException
 from pytorch_lightning.callbacks import LearningRateMonitor, ModelCheckpoint
 from pytorch_lightning.strategies import DDPStrategy
 from pytorch_lightning.utilities import rank_zero_only
 from torch import Tensor
 
 from lss_core.batch import Batch
+from lss_core.data.drives import KnownScene
 from lss_core.data.usable import LEFT_OUT, save_left_out
 from lss_core.depth_targets import batch_depth_bins, depth_loss
 from lss_core.errors import DataError
 from lss_core.files import sole_writer
+from lss_core.grid import BevGrid
+from lss_core.legible import legible
 from lss_core.model import CameraModel, make_model
 from lss_core.progress import on_terminal
 from shoot.allocation import keep_freed_memory
@@ -40,15 +44,18 @@ from shoot.loop_callbacks import (
 )
 from shoot.metrics import PlanningMetrics
 from shoot.metrics_file import MetricsFile
-from shoot.planner import Planner
+from shoot.planner import Planner, share_on_grid
 from shoot.precision import agreed_precision, fastest_precision
 from shoot.run_folder import LAST, RunFolder
+from shoot.run_scenes import RunScenes
 from shoot.signals import EndOnSignal
 from shoot.templates import TemplateSet
 from shoot.training_motion import TrainingMotion
 
 logger = logging.getLogger(__name__)
 
+# What PyTorch says of a batch norm that has nothing to take a mean over.
+_LONE_VALUE = "Expected more than 1 value per channel"
 _TO_GO_ON = ("optimizer_states", "lr_schedulers", "loops", "callbacks", "global_step")
 
 
@@ -187,6 +194,32 @@ def check_templates(checkpoint: dict[str, Any], sha256: str, name: str) -> None:
         )
 
 
+def check_grid(templates: TemplateSet, grid: BevGrid) -> None:
+    """Check that templates can be told apart on a grid; warn where most of them leaves it.
+
+    Raises:
+        DataError: If no waypoint of any template lies on the grid.
+    """
+    share = share_on_grid(torch.tensor(templates.points), grid)
+    if share == 0.0:
+        (x_min_m, y_min_m), (x_max_m, y_max_m) = (
+            templates.points.reshape(-1, 2).min(axis=0),
+            templates.points.reshape(-1, 2).max(axis=0),
+        )
+        raise DataError(
+            f"No waypoint of the templates lies on the grid: they reach from x = {x_min_m:.1f} to "
+            f"{x_max_m:.1f} m and y = {y_min_m:.1f} to {y_max_m:.1f} m, the grid from x = "
+            f"{grid.x_min_m:g} to {grid.x_max_m:g} m and y = {grid.y_min_m:g} to "
+            f"{grid.y_max_m:g} m; choose another grid (--model.grid.x-min-m and so on)."
+        )
+    if share < 0.5:
+        rank_zero_only(logger.warning)(
+            "Only %.0f %% of the templates' waypoints lie on the grid; what the others cost the "
+            "map does not say.",
+            100.0 * share,
+        )
+
+
 def train(config: TrainConfig) -> Path:
     """Train a planner; returns the run folder.
 
@@ -201,6 +234,7 @@ def train(config: TrainConfig) -> Path:
     keep_freed_memory()
     check_shares(config.optim.batch_size, math.prod(_processes(config)))
     templates = TemplateSet.load(config.templates)
+    check_grid(templates, config.model.grid)
     run = RunFolder(Path(config.out))
     # Of several processes of one run the first keeps others out.
     is_first = int(os.environ.get("RANK", os.environ.get("LOCAL_RANK", "0"))) == 0
@@ -224,9 +258,14 @@ def _train(config: TrainConfig, run: RunFolder, templates: TemplateSet) -> Path:
             )
     pl.seed_everything(config.seed, workers=True, verbose=False)
     data = PlanningData(config, templates)
+    _keep_scenes(run, data.scenes, templates, resume_from is not None)
     rank_zero_only(save_left_out)(run.folder / LEFT_OUT, data.left_out)
     rank_zero_only(TrainingMotion.of(data.train_split).save)(run.motion_file)
-    module = PlanningModule(config, templates)
+    try:
+        module = PlanningModule(config, templates)
+        trainer = make_trainer(config, run, resume_from is not None)
+    except (ValueError, MisconfigurationException) as error:
+        raise DataError(f"These settings make no run: {error}") from error
     logger.info(
         "Training on %d samples (%d left out), validating on %d; %.2f M parameters, %s.",
         len(data.train_split.labels),
@@ -235,10 +274,14 @@ def _train(config: TrainConfig, run: RunFolder, templates: TemplateSet) -> Path:
         sum(p.numel() for p in module.parameters()) / 1e6,
         config.precision,
     )
-    trainer = make_trainer(config, run, resume_from is not None)
     try:
         trainer.fit(module, datamodule=data, ckpt_path=resume_from, weights_only=True)
     except (LookupError, TypeError, ValueError, AttributeError, RuntimeError) as error:
+        if _LONE_VALUE in str(error):
+            raise DataError(
+                f"A batch of {config.optim.batch_size} leaves batch norm a single value; choose a "
+                "larger batch, image or grid."
+            ) from error
         if resume_from is None or module.is_restored:
             raise
         raise DataError(
@@ -248,6 +291,33 @@ def _train(config: TrainConfig, run: RunFolder, templates: TemplateSet) -> Path:
     if trainer.is_global_zero:
         write_weights(run.weights_file, module.state_dict(), templates.sha256)
     return run.folder
+
+
+def _keep_scenes(
+    run: RunFolder, scenes: RunScenes, templates: TemplateSet, is_resumed: bool
+) -> None:
+    """Write which scenes a run sees; one that is resumed must see those it has seen.
+
+    Raises:
+        DataError: If it does not.
+    """
+    begun = RunScenes.load(run.scenes_file) if is_resumed else None
+    if begun is not None:
+        scenes.check_resumes(begun, run.folder)
+        return
+    if is_resumed:
+        logger.warning(
+            "'%s' has no %s: what it was validated on cannot be compared, and what it was trained "
+            "on by token at best.",
+            legible(str(run.folder)),
+            run.scenes_file.name,
+        )
+        trained = scenes.trained
+        with suppress(DataError):
+            tokens = TrainingMotion.load(run.motion_file, templates).scene_token.tolist()
+            trained = tuple(KnownScene("", token) for token in tokens)
+        scenes.check_resumes(replace(scenes, trained=trained), run.folder)
+    rank_zero_only(scenes.save)(run.scenes_file)
 
 
 def make_trainer(config: TrainConfig, run: RunFolder, resume: bool = False) -> pl.Trainer:

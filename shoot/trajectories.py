@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from lss_core.data.samples import TIME_TOLERANCE_S, SampleIndex
 from lss_core.data.usable import usable_scenes
+from lss_core.errors import DataError
 from lss_core.geometry import FloatArray
 from shoot.footprint import turn
 from shoot.parallel import run_jobs
@@ -15,6 +16,8 @@ from shoot.parallel import run_jobs
 HORIZON_S = 5.0
 DT_S = 0.25
 PAST_S = 2.0
+# Faster than any car on a road; what seems faster is in other units or seen from elsewhere.
+MAX_SPEED_MPS = 100.0
 _SCENES_A_JOB = 10
 
 
@@ -63,6 +66,33 @@ class Futures:
         )
 
 
+def check_futures(futures: FloatArray, dt_s: float) -> None:
+    """Check that [M, T, 2] futures are some that a car can have driven.
+
+    Args:
+        futures: Metres in the ego frame of each start, which is the origin at time 0.
+        dt_s: Time between points; the first is at `dt_s`.
+
+    Raises:
+        DataError: If they have another shape, are not finite, or on average faster than 100 m/s.
+    """
+    if futures.ndim != 3 or futures.shape[1] < 1 or futures.shape[2] != 2:
+        raise DataError(f"Futures must be [M, T, 2], got {list(futures.shape)}.")
+    if not 0.0 < dt_s < np.inf:
+        raise DataError(f"dt_s must be more than 0 s, got {dt_s}.")
+    if not np.isfinite(futures).all():
+        wrong = int((~np.isfinite(futures)).any(axis=(1, 2)).sum())
+        raise DataError(f"Futures must be finite, but {wrong} of {len(futures)} are not.")
+    steps_m = np.diff(futures, axis=1, prepend=0.0)
+    speed_mps = np.linalg.norm(steps_m, axis=-1).mean(axis=1) / dt_s
+    if speed_mps.max(initial=0.0) > MAX_SPEED_MPS:
+        raise DataError(
+            f"Futures must be slower than {MAX_SPEED_MPS:g} m/s, but one drives "
+            f"{speed_mps.max():.0f} m/s; give metres in the ego frame of each start, a point every "
+            f"{dt_s:g} s."
+        )
+
+
 def futures_from_poses(
     times_s: FloatArray,
     xy_m: FloatArray,
@@ -92,13 +122,15 @@ def futures_from_poses(
         kept.
 
     Raises:
-        ValueError: If times do not increase or the horizon is no multiple of `dt_s`.
+        ValueError: If poses or starts are not finite or of other shapes, times do not increase, or
+            the horizon is no multiple of `dt_s`.
     """
+    _check_poses(times_s, xy_m, yaw_rad, starts_s)
+    if not (np.isfinite(horizon_s) and np.isfinite(dt_s) and dt_s > 0.0):
+        raise ValueError(f"dt_s and horizon_s must be more than 0 s, got {dt_s} and {horizon_s}.")
     num_points = round(horizon_s / dt_s)
     if num_points < 1 or abs(num_points * dt_s - horizon_s) > 1e-9:
         raise ValueError(f"A horizon of {horizon_s} s is not a whole number of {dt_s} s steps.")
-    if np.any(np.diff(times_s) <= 0.0):
-        raise ValueError("Pose times must increase.")
     starts_s = np.asarray(starts_s, dtype=np.float64)
     if not len(times_s):
         return np.zeros((0, num_points, 2)), np.zeros(len(starts_s), dtype=bool)
@@ -137,12 +169,32 @@ def past_from_poses(
     Returns:
         [S, P, 2] points, the latest first, x forward and y left at the start; zero where the
         recording does not reach back that far. [S, P] where it does.
+
+    Raises:
+        ValueError: If poses or starts are not finite or of other shapes, or times do not increase.
     """
+    _check_poses(times_s, xy_m, yaw_rad, starts_s)
     behind_s = starts_s[:, None] - dt_s * np.arange(1, round(past_s / dt_s) + 1)
     known = behind_s >= times_s[0] - TIME_TOLERANCE_S
     moved_m = _at(times_s, xy_m, behind_s) - _at(times_s, xy_m, starts_s)[:, None]
     yaw = np.interp(starts_s, times_s, np.unwrap(yaw_rad))
     return np.where(known[..., None], turn(moved_m, -yaw[:, None]), 0.0), known
+
+
+def _check_poses(
+    times_s: FloatArray, xy_m: FloatArray, yaw_rad: FloatArray, starts_s: FloatArray
+) -> None:
+    num = len(times_s)
+    shapes = [np.shape(array) for array in (times_s, xy_m, yaw_rad)]
+    if shapes != [(num,), (num, 2), (num,)] or np.ndim(starts_s) != 1:
+        raise ValueError(
+            f"Poses must be times [P], places [P, 2], headings [P] and starts [S], got "
+            f"{', '.join(str(list(shape)) for shape in (*shapes, np.shape(starts_s)))}."
+        )
+    if not all(np.isfinite(array).all() for array in (times_s, xy_m, yaw_rad, starts_s)):
+        raise ValueError("Poses and starts must be finite, but hold NaN or infinity.")
+    if np.any(np.diff(times_s) <= 0.0):
+        raise ValueError("Pose times must increase.")
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ settings.register_profile("shoot", deadline=None, derandomize=True, database=Non
 settings.load_profile("shoot")
 
 _REAL_BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data" / "nuscenes_real"
+_LYFT_BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data" / "lyft_tiny" / "v1.01-train"
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -45,4 +46,13 @@ def real_root() -> Path:
     root = Path(os.environ.get("SHOOT_REAL_DATA", _REAL_BESIDE))
     if not (root / "v1.0-mini" / "sample_data.json").is_file():
         pytest.skip("No real nuScenes scene: SHOOT_REAL_DATA names no folder with v1.0-mini.")
+    return root
+
+
+@pytest.fixture(scope="session")
+def lyft_root() -> Path:
+    """Tables of Lyft Level 5, where there are some; no files of sensors."""
+    root = Path(os.environ.get("SHOOT_LYFT_DATA", _LYFT_BESIDE))
+    if not (root / "v1.01-train" / "sample_data.json").is_file():
+        pytest.skip("No tables of Lyft: SHOOT_LYFT_DATA names no folder with v1.01-train.")
     return root

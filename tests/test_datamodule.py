@@ -46,8 +46,8 @@ def templates(data: DataConfig) -> TemplateSet:
 @pytest.fixture
 def config(data: DataConfig) -> TrainConfig:
     return TrainConfig(
-        templates="",
-        out="",
+        templates="templates.npz",
+        out="run",
         data=data,
         optim=OptimConfig(steps=6, batch_size=4),
         val_every=3,
@@ -277,7 +277,7 @@ def test_workers_change_nothing(config: TrainConfig, templates: TemplateSet) -> 
 
 def test_splits_that_share_scenes_are_refused(config: TrainConfig, templates: TemplateSet) -> None:
     with pytest.raises(DataError, match="share 2 scenes"):
-        PlanningData(replace(config, val_split="train"), templates)
+        PlanningData(replace(config, val_split="train_detect"), templates)
 
 
 def test_batch_must_be_shared_evenly(

@@ -101,6 +101,61 @@ def test_rings_that_enclose_nothing_are_passed_over(tmp_path: Path) -> None:
     assert area.contains(np.array([1.0, 1.0]))
 
 
+_SQUARE = _box(0.0, 0.0, 4.0)
+# The outline overlaps itself between x = 6 m and 8 m: the second arm lies on the first.
+_LOOP = [(0.0, 0.0), (8.0, 0.0), (8.0, 8.0), (2.0, 8.0), (2.0, 6.0), (6.0, 6.0), (6.0, -4.0),
+         (0.0, -4.0)]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("rings", "inside", "outside"),
+    [
+        ([[(0.0, 0.0), (4.0, 4.0), (4.0, 0.0), (0.0, 4.0)]], [(0.5, 2), (3.5, 2)], [(2, 0.5)]),
+        ([_LOOP], [(7.0, 4.0), (3.0, 7.0), (6.5, 3.0), (3.0, -2.0)], [(3.0, 3.0), (7.0, -2.0)]),
+        ([_SQUARE * 2], [(1.0, 3.0), (2.0, 2.0)], [(5.0, 2.0)]),
+        ([_SQUARE, _box(3.0, 3.0, 4.0)], [(1.0, 1.0)], [(3.5, 3.5), (6.0, 6.0)]),
+        ([_SQUARE, _box(1, 1, 2), _box(2, 2, 1.5)], [(0.5, 0.5)], [(2.5, 2.5), (1.5, 1.5)]),
+        ([[*_SQUARE, (0.0, 9.0)]], [(2.0, 2.0)], [(1.0, 8.0)]),
+    ],
+    ids=["bow tie", "a loop", "twice around", "a hole across the edge", "holes overlap", "a spike"],
+)  # fmt: skip
+def test_polygons_that_cross_are_drivable_where_they_go_around(
+    tmp_path: Path, rings: Any, inside: Any, outside: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    for turn in (1, -1):
+        layers = _layers({"road": [ring[::turn] for ring in rings], "good": [_box(50.0, 0.0, 1.0)]})
+        caplog.clear()
+        area = load_drivable_area(_write(tmp_path, layers), CITY)
+        assert area.contains(np.asarray(inside, dtype=float)).all()
+        assert not area.contains(np.asarray(outside, dtype=float)).any()
+        assert all(polygon.is_valid for polygon in area.polygons)
+        assert f"1 drivable polygons of the map of {CITY} cross themselves" in caplog.text
+        assert "'road'" in caplog.text
+
+
+@pytest.mark.parametrize(
+    "change",
+    [lambda ring: ring[::-1], lambda ring: [*ring, ring[0]], lambda ring: [ring[0], *ring]],
+    ids=["clockwise", "closed", "a node twice"],
+)
+def test_whole_polygons_are_written_in_many_ways(
+    tmp_path: Path, change: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    layers = _layers({"road": [change(_SQUARE), change(_box(1.0, 1.0, 1.0))]})
+    area = load_drivable_area(_write(tmp_path, layers), CITY)
+    assert [polygon.area for polygon in area.polygons] == [15.0]
+    assert not caplog.records
+
+
+def test_polygons_of_no_area_are_named(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    flat = [(0.0, 0.0), (1.0, 1.0), (2.0, 2.0)]
+    layers = _layers({"flat": [flat], "covered": [_SQUARE, _box(-1.0, -1.0, 9.0)]})
+    area = load_drivable_area(_write(tmp_path, layers), CITY)
+    assert len(area.polygons) == 0
+    assert "2 drivable polygons" in caplog.text
+    assert "enclose nothing, and are passed over; the first is 'flat'" in caplog.text
+
+
 def test_towns_are_drivable_where_the_devkit_says(tmp_path: Path) -> None:
     from nuscenes.map_expansion.map_api import NuScenesMap
 

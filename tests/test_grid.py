@@ -83,7 +83,7 @@ def test_cell_counts_are_rounded_not_truncated(
         ((-50.0, 50.0, -50.0, 50.0, 0.3), "whole number"),
         ((5.0, 5.0, -1.0, 1.0, 1.0), "whole number"),
         ((5.0, -5.0, -1.0, 1.0, 1.0), "whole number"),
-        ((-1.0, 1.0, -1.0, 1.0, 0.0), "larger than 0"),
+        ((-1.0, 1.0, -1.0, 1.0, 0.0), "more than 0"),
     ],
 )
 def test_grids_that_are_none_are_refused(sides: tuple[float, ...], word: str) -> None:

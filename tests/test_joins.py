@@ -134,6 +134,40 @@ def check_pose(ours: np.ndarray, record: Row) -> None:
     np.testing.assert_allclose(ours, theirs, atol=1e-12)
 
 
+@pytest.mark.parametrize("order", [as_written, shuffled])
+def test_the_keyframe_is_the_nearest_in_time(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    order: Callable[[list[Row]], list[Row]],
+) -> None:
+    monkeypatch.setenv("SHOOT_CACHE", str(tmp_path / "cache"))
+    root = write_tiny(tmp_path / "data", (TRAIN_A, VAL), cameras=CAMERAS[:2], image_hw=(36, 64))
+    before = load_index(root, VERSION, CAMERAS[:2])
+    assert not len(before.warning_text)
+    assert not caplog.records
+    rows = [row | {"is_key_frame": True} for row in read_table(root, "sample_data")]
+    # Images between keyframes, too, of which each says that it is one.
+    images = [row for row in rows if "CAM" in row["filename"]]
+    late = [
+        row | {"token": row["token"] + "-late", "timestamp": row["timestamp"] + 200_000}
+        for row in images
+    ]
+    write_table(root, "sample_data", order([*rows, *late]))
+    for _ in range(2):  # made, and from the cache
+        caplog.clear()
+        after = load_index(root, VERSION, CAMERAS[:2])
+        np.testing.assert_array_equal(after.time_s, before.time_s)
+        np.testing.assert_array_equal(after.global_from_ego, before.global_from_ego)
+        np.testing.assert_array_equal(after.lidar_path, before.lidar_path)
+        np.testing.assert_array_equal(after.camera_time_s, before.camera_time_s)
+        assert after.warning_reason.tolist() == ["several keyframes"]
+        assert after.warning_text[0].startswith("34 of 34 samples, the first 'scene-0001-00'")
+        assert [
+            record.getMessage() for record in caplog.records if record.levelname == "WARNING"
+        ] == [f"{after.warning_text[0]}."]
+
+
 def test_unused_records_may_dangle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # A part of a data set, as people make it: a radar with neither poses nor a sensor.
     monkeypatch.setenv("SHOOT_CACHE", str(tmp_path / "cache"))

@@ -50,6 +50,12 @@ def test_all_keyframes_are_there(index: SampleIndex, rows: np.ndarray) -> None:
     assert not index.has_camera[rows[1:]].any()
 
 
+def test_nothing_is_wrong_with_it(index: SampleIndex) -> None:
+    assert not index.scene_problem.any()
+    assert not index.camera_problem.any()
+    assert not len(index.warning_text)
+
+
 def test_every_start_with_five_seconds_is_mined(index: SampleIndex, rows: np.ndarray) -> None:
     keyframes = mine_futures(index, rows, "keyframes")
     assert (len(keyframes.xy_m), keyframes.num_left_out) == (28, 11)

@@ -71,3 +71,20 @@ def test_split_without_scenes_in_the_data_is_refused(tiny_root: Path) -> None:
     index = load_index(tiny_root, VERSION, ("CAM_FRONT",))
     with pytest.raises(DataError, match="None of the 8 scenes of split 'train'"):
         rows_of_split(index, tiny_root, "v1.0-mini", "train")
+
+
+def test_own_list_of_scenes_must_be_there(tiny_root: Path, tmp_path: Path) -> None:
+    index = load_index(tiny_root, VERSION, ("CAM_FRONT",))
+    (tmp_path / VERSION).mkdir()
+    names = ["scene-0001", "scene-0007", "scene-0008", "scene-0008", "scene-0009"]
+    (tmp_path / VERSION / "splits.json").write_text(json.dumps({"train": names}))
+    with pytest.raises(DataError, match=r"3 of the 4 scenes .* 'train' .* is 'scene-0007'\."):
+        rows_of_split(index, tmp_path, VERSION, "train")
+
+
+def test_part_of_an_official_split_is_counted(
+    tiny_root: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    index = load_index(tiny_root, VERSION, ("CAM_FRONT",))
+    assert len(rows_of_split(index, tiny_root, VERSION, "val"))
+    assert "Split 'val': 1 of 150 scenes are in the tables." in caplog.text

@@ -76,6 +76,7 @@ def test_runs_are_trained_evaluated_compared_and_shipped(
     picture.write_bytes(b"a picture")
     ship.ship(ship.ShipConfig(run, out, picture, "../runs/world"))
     assert not (out / "checkpoints").exists()
+    assert (out / "scenes.json").read_bytes() == (run / "scenes.json").read_bytes()
     said_by = [
         command("shoot-evaluate", folder, "--out", tmp_path / f"{folder.name}.json")
         for folder in (run, out)

@@ -328,6 +328,8 @@ def _index_of_track(times_s: np.ndarray, x_m: np.ndarray) -> SampleIndex:
         scene_problem=np.zeros(1, dtype=np.int64),
         camera_problem=np.zeros((num, 1), dtype=np.int64),
         lidar_problem=np.zeros(num, dtype=np.int64),
+        warning_reason=np.asarray([], dtype=np.str_),
+        warning_text=np.asarray([], dtype=np.str_),
     )
 
 

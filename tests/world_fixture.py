@@ -24,7 +24,7 @@ import pytest
 from filelock import FileLock
 from tiny_tables import TinyScene, write_tiny
 
-from shoot.cli import evaluate, fit_templates, make_world, render, train
+from shoot.cli import check, evaluate, fit_templates, make_world, render, train
 
 NUM_TEMPLATES = 24
 # 7 s of keyframes every 0.5 s, those at 0 s ... 2 s with five seconds of future.
@@ -33,6 +33,7 @@ NUM_TRAIN_SCENES, NUM_VAL_SCENES = 4, 3
 
 COMMANDS: dict[str, Callable[[], None]] = {
     "shoot-make-world": make_world.main,
+    "shoot-check": check.main,
     "shoot-fit-templates": fit_templates.main,
     "shoot-train": train.main,
     "shoot-evaluate": evaluate.main,
@@ -131,6 +132,17 @@ def command(name: str, *arguments: object) -> Said:
         finally:
             root_logger.handlers[:], root_logger.level = before
     return Said(status, out.getvalue(), err.getvalue())
+
+
+def complaint(said: Said) -> str:
+    """The sentence, if that is all there is."""
+    assert said.status == 2, said.err
+    assert "Traceback" not in said.out + said.err
+    sentences = [line for line in said.err.splitlines() if line.strip()]
+    assert len(sentences) == 1, said.err
+    assert sentences[0].startswith("error: ")
+    assert len(sentences[0]) < 600
+    return sentences[0]
 
 
 _SERVER = multiprocessing.get_context("forkserver")

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from torch.utils.data import Dataset
 
 from lss_core.batch import Batch
+from lss_core.camera import horizon_row
 from lss_core.config import DataConfig
 from lss_core.data.images import draw_pixel_map, load_image, open_image
 from lss_core.data.lidar import load_scans
@@ -112,12 +113,15 @@ class CameraDataset(Dataset[Batch]):
         for n in range(num):
             is_there = self.index.has_camera[row, n]
             side_px = raw_hw(self.index, self.root, row, n) if is_there else (900, 1600)
+            intrinsics = self.index.rawpixel_from_camera[row, n]
+            # As the camera is mounted, so that all samples of a calibration are cropped alike.
+            mounting = self.index.egocam_from_camera[row, n]
+            horizon = horizon_row(intrinsics, mounting) if is_there else None
             # Drawn for every camera, so that a dropped one does not change the others.
-            pixel_map = draw_pixel_map(size, side_px, rng)
+            pixel_map = draw_pixel_map(size, side_px, rng, horizon)
             if not mask[n]:
                 continue
             images[n] = load_image(self.root / self.index.image_path[row, n], pixel_map)
-            intrinsics = self.index.rawpixel_from_camera[row, n]
             pixel_from_camera[n] = pixel_map.pixel_from_rawpixel @ intrinsics
         poses = self._noisy(ego_from_camera(self.index, row, self.config.ego_motion), rng)
         points = np.zeros((0, 5), dtype=np.float32)

@@ -1,5 +1,6 @@
 """Where cars may drive: the drivable area of nuScenes' map expansion."""
 
+import logging
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,9 +11,13 @@ import shapely
 from numpy.typing import NDArray
 
 from lss_core.data.file_names import is_plain
+from lss_core.data.rings import area_of_rings
 from lss_core.data.tables import decode_json
 from lss_core.errors import DataError
 from lss_core.geometry import FloatArray
+from lss_core.legible import legible
+
+logger = logging.getLogger(__name__)
 
 _DAMAGE = (
     ValueError,
@@ -104,6 +109,9 @@ def has_map(root: Path, location: str) -> bool:
 def load_drivable_area(root: Path, location: str) -> DrivableArea:
     """The drivable area of a location, as `boston-seaport`.
 
+    Polygons that cross themselves are drivable where their outline goes around, and not in their
+    holes; a warning counts them, and those that enclose nothing.
+
     Args:
         root: Of the data set, holds `maps`.
         location: As the `log` table names it.
@@ -115,7 +123,7 @@ def load_drivable_area(root: Path, location: str) -> DrivableArea:
     anew = "unpack the nuScenes map expansion (nuScenes-map-expansion-v1.3.zip)"
     try:
         layers: _Map = decode_json(path.read_bytes(), _Map)
-        return DrivableArea(_polygons(layers))
+        return DrivableArea(_polygons(layers, location))
     except FileNotFoundError as error:
         raise DataError(f"The map '{path}' is missing; {anew} into '{root / 'maps'}'.") from error
     except OSError as error:
@@ -126,13 +134,14 @@ def load_drivable_area(root: Path, location: str) -> DrivableArea:
         raise DataError(f"The map '{path}' is damaged ({error}); {anew} anew.") from error
 
 
-def _polygons(layers: _Map) -> list[shapely.Polygon]:
+def _polygons(layers: _Map, location: str) -> list[shapely.Polygon]:
     place = {node.token: (node.x, node.y) for node in layers.node}
     lost = next((token for token, xy in place.items() if not all(map(math.isfinite, xy))), None)
     if lost is not None:
         raise ValueError(f"node '{lost}' has no place")
     polygon_of = {polygon.token: polygon for polygon in layers.polygon}
-    polygons = []
+    polygons: list[shapely.Polygon] = []
+    mended, empty = [], []
     # Several areas may share a polygon.
     wanted = dict.fromkeys(token for area in layers.drivable_area for token in area.polygon_tokens)
     for token in wanted:
@@ -140,6 +149,25 @@ def _polygons(layers: _Map) -> list[shapely.Polygon]:
         outline = [place[node] for node in record.exterior_node_tokens]
         holes = [[place[node] for node in hole.node_tokens] for hole in record.holes]
         # A ring of less than three points encloses nothing.
-        if len(outline) >= 3:
-            polygons.append(shapely.Polygon(outline, [hole for hole in holes if len(hole) >= 3]))
+        holes = [hole for hole in holes if len(hole) >= 3]
+        parts = [shapely.Polygon(outline, holes)] if len(outline) >= 3 else []
+        if parts and not parts[0].is_valid:
+            parts = area_of_rings(outline, holes)
+            mended.append(token)
+        if not parts:
+            empty.append(token)
+        polygons += parts
+    _warn(location, "cross themselves, and are drivable where their outline goes around", mended)
+    _warn(location, "enclose nothing, and are passed over", empty)
     return polygons
+
+
+def _warn(location: str, what: str, tokens: list[str]) -> None:
+    if tokens:
+        logger.warning(
+            "%d drivable polygons of the map of %s %s; the first is '%s'.",
+            len(tokens),
+            legible(location),
+            what,
+            legible(tokens[0]),
+        )

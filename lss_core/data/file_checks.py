@@ -2,9 +2,11 @@
 
 from pathlib import Path
 
+from lss_core.data.image_content import content_problem
 from lss_core.data.images import open_image
-from lss_core.data.lidar import check_size
+from lss_core.data.lidar import check_file
 from lss_core.data.problems import Problem
+from lss_core.data.sweep_cuts import SceneSweeps
 from lss_core.errors import DataError
 
 _JPEG_END, _PNG_END = b"\xff\xd9", b"IEND"
@@ -12,17 +14,17 @@ _JPEG_END, _PNG_END = b"\xff\xd9", b"IEND"
 _TAIL_BYTES = 4096
 
 
-def sweep_problem(path: Path) -> Problem | None:
-    """What is wrong with the size of a lidar sweep's file."""
+def sweep_problem(path: Path, others: SceneSweeps) -> Problem | None:
+    """What is wrong with a lidar sweep's size or layout, beside others of its scene."""
     try:
-        check_size(path)
+        check_file(path, others)
     except DataError as error:
         return Problem("damaged lidar sweep", str(error))
     return None
 
 
 def image_problem(path: Path, image_hw: tuple[int, int]) -> Problem | None:
-    """What is wrong with an image file's header, size or end.
+    """What is wrong with an image file's header, kind, size or end.
 
     Args:
         path: Of the file.
@@ -32,6 +34,9 @@ def image_problem(path: Path, image_hw: tuple[int, int]) -> Problem | None:
         with open_image(path) as image:
             width, height = image.size
             is_png = image.format == "PNG"
+            problem = content_problem(image, path)
+        if problem is not None:
+            return problem
         if all(image_hw) and (height, width) != image_hw:
             what = f"The image '{path}' is {width}x{height} px, expected "
             return Problem("image of another size", f"{what}{image_hw[1]}x{image_hw[0]}.")

@@ -1,8 +1,7 @@
 """Image files to network input, together with the pixel map that was applied."""
 
 import math
-import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ from PIL import Image, UnidentifiedImageError
 
 from lss_core.camera import crop_map, flip_map, resize_map, rotate_map
 from lss_core.config import ImageConfig
+from lss_core.data.image_content import DAMAGE, content_problem
 from lss_core.errors import DataError
 from lss_core.geometry import FloatArray
 
@@ -19,8 +19,6 @@ _FILTER = Image.Resampling.BILINEAR
 _FORMATS = ("JPEG", "PNG")
 # Pillow has a limit, too, but libraries change it for the whole process, as nuscenes-devkit does.
 _MAX_PIXELS = 1 << 27
-# Pillow's names for broken chunks.
-_DAMAGE = (OSError, SyntaxError, ValueError, TypeError, EOFError, LookupError, struct.error)
 
 
 @dataclass(frozen=True)
@@ -58,17 +56,32 @@ class PixelMap:
             matrix = rotate_map(self.rotate_rad, self.image_hw) @ matrix
         return matrix
 
+    @property
+    def padding(self) -> float:
+        """Share of the result that comes from no pixel of the file and is black, before turning."""
+        (height, width), (resized_h, resized_w) = self.image_hw, self.resized_hw
+        rows = min(self.top_px + height, resized_h) - max(self.top_px, 0)
+        columns = min(self.left_px + width, resized_w) - max(self.left_px, 0)
+        return 1.0 - max(rows, 0) * max(columns, 0) / (height * width)
+
 
 def draw_pixel_map(
-    config: ImageConfig, raw_hw: tuple[int, int], rng: np.random.Generator | None
+    config: ImageConfig,
+    raw_hw: tuple[int, int],
+    rng: np.random.Generator | None,
+    horizon_row: float | None = None,
 ) -> PixelMap:
     """Choose resize, crop, flip and rotation; without `rng` the ones of evaluation.
 
-    Paper: section 4.1 (128 x 352 after resize and crop, calibration adjusted).
+    Paper: section 4.1 (128 x 352 after resize and crop, calibration adjusted). Deviation: crops
+    keep the horizon, see docs/deviations.md.
+
+    Args:
+        config: What to choose from.
+        raw_hw: Size of the image file.
+        rng: Source of the choice. What is drawn from it does not depend on the horizon.
+        horizon_row: Of the image file, `lss_core.camera.horizon_row`; None: not known.
     """
-    raw_h, raw_w = raw_hw
-    height, width = config.height_px, config.width_px
-    fit = max(width / raw_w, height / raw_h)
     if rng is None:
         factor, bottom, across, flip, angle = 1.0, sum(config.crop_bottom) / 2, 0.5, False, 0.0
     else:
@@ -77,12 +90,57 @@ def draw_pixel_map(
         across = rng.uniform()
         flip = config.flip and bool(rng.integers(2))
         angle = rng.uniform(-config.rotate_rad, config.rotate_rad)
+    pixel_map = upright_map(config, raw_hw, factor, bottom, across, horizon_row)
+    return replace(pixel_map, flip=flip, rotate_rad=angle)
+
+
+def upright_map(
+    config: ImageConfig,
+    raw_hw: tuple[int, int],
+    factor: float,
+    bottom: float,
+    across: float = 0.5,
+    horizon_row: float | None = None,
+) -> PixelMap:
+    """Resize and crop with one choice of numbers, neither mirrored nor turned.
+
+    Args:
+        config: Size of the result, and what it keeps of the horizon.
+        raw_hw: Size of the image file.
+        factor: Of resizing, relative to the factor at which the file fills the result.
+        bottom: Share of the resized image cut off below.
+        across: Share cut off on the left of what is too much in width.
+        horizon_row: As in `draw_pixel_map`.
+    """
+    raw_h, raw_w = raw_hw
+    height, width = config.height_px, config.width_px
+    fit = max(width / raw_w, height / raw_h)
     resized = max(1, round(raw_h * fit * factor)), max(1, round(raw_w * fit * factor))
     spare_w = resized[1] - width
     # Where the image is narrower than the network's, both sides are padded alike.
     left = round(across * spare_w) if spare_w > 0 else spare_w // 2
     top = round((1.0 - bottom) * resized[0]) - height
-    return PixelMap(resized, left, top, flip, angle, (height, width), raw_hw)
+    if horizon_row is not None and -0.5 <= horizon_row <= raw_h - 0.5:
+        horizon_px = (horizon_row + 0.5) / raw_h * resized[0]
+        top = _top_with_horizon(top, resized[0] - height, horizon_px, config)
+    return PixelMap(resized, left, top, False, 0.0, (height, width), raw_hw)
+
+
+def _top_with_horizon(top: int, spare: int, horizon_px: float, config: ImageConfig) -> int:
+    """The first row of a crop, moved no further than the horizon and the image's borders ask for.
+
+    Args:
+        top: First row of the crop as drawn.
+        spare: The last first row of a crop within the image.
+        horizon_px: How far below the upper edge of the resized image the horizon lies.
+        config: Height of the crop, and which shares of it are to lie above and below the horizon.
+    """
+    if not 0 <= top <= spare:
+        return top  # What pads shows the image's border; moving it would hide what settings do.
+    above, below = (share * config.height_px for share in config.horizon)
+    earliest = math.ceil(horizon_px + below) - config.height_px
+    latest = max(earliest, math.floor(horizon_px - above))
+    return min(max(top, earliest, 0), max(latest, 0), spare)
 
 
 def open_image(path: Path) -> Image.Image:
@@ -98,7 +156,7 @@ def open_image(path: Path) -> Image.Image:
         raise DataError(f"The image '{path}' is missing; is the data set complete?") from error
     except UnidentifiedImageError as error:
         raise DataError(f"The image '{path}' is no JPEG or PNG, or is damaged.") from error
-    except (*_DAMAGE, Image.DecompressionBombError) as error:
+    except (*DAMAGE, Image.DecompressionBombError) as error:
         raise DataError(f"The image '{path}' cannot be read: {error}.") from error
     width, height = image.size
     if width * height > _MAX_PIXELS:
@@ -110,9 +168,13 @@ def load_image(path: Path, pixel_map: PixelMap) -> NDArray[np.uint8]:
     """[H, W, 3] RGB after the pixel map; decoded at reduced scale where that loses nothing.
 
     Raises:
-        DataError: If the file is missing, truncated, or not of the size the map was made for.
+        DataError: If the file is missing, truncated, not of the size the map was made for, or of a
+            kind that is not read, see `content_problem`.
     """
     image = open_image(path)
+    problem = content_problem(image, path)
+    if problem is not None:
+        raise DataError(problem.what)
     raw_h, raw_w = pixel_map.raw_hw
     if image.size != (raw_w, raw_h):
         raise DataError(
@@ -133,7 +195,7 @@ def load_image(path: Path, pixel_map: PixelMap) -> NDArray[np.uint8]:
     try:
         image = image if image.mode == "RGB" else image.convert("RGB")
         image = image.resize((kept[2] - kept[0], kept[3] - kept[1]), _FILTER, box=box)
-    except _DAMAGE as error:
+    except DAMAGE as error:
         raise DataError(f"The image '{path}' is damaged: {error}.") from error
     height, width = pixel_map.image_hw
     left, top = pixel_map.left_px - kept[0], pixel_map.top_px - kept[1]

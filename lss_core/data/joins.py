@@ -68,6 +68,7 @@ class JoinedTables:
         scenes: C records.
         locations: Where each scene was.
         samples: S records.
+        calibrations: K records.
         sample_scene: [S] row of its scene.
         frames: Keyframes of the cameras asked for and all LIDAR_TOP sweeps; all frames of scenes
             without any.
@@ -76,6 +77,7 @@ class JoinedTables:
         rawpixel_from_camera: [K, 3, 3] of each calibration; zero if no camera's keyframe has it.
         lidar: [S] frame of its LIDAR_TOP keyframe; -1 where there is none.
         images: [S, N] frame of its keyframe of each camera; -1 where there is none.
+        rivals: Frames that claim to be keyframes at other times than those taken.
         in_track: [F] whether a track has the frame, or would have it if it had no problem.
         track: [P] frames whose poses are the tracks of the scenes, one scene after the other, each
             increasing in time; those with a problem are none of them.
@@ -89,6 +91,7 @@ class JoinedTables:
     scenes: list[Scene]
     locations: list[str]
     samples: list[Sample]
+    calibrations: list[CalibratedSensor]
     sample_scene: NDArray[np.int64]
     frames: Frames
     global_from_ego: FloatArray
@@ -96,6 +99,7 @@ class JoinedTables:
     rawpixel_from_camera: FloatArray
     lidar: NDArray[np.int64]
     images: NDArray[np.int64]
+    rivals: NDArray[np.int64]
     in_track: NDArray[np.bool_]
     track: NDArray[np.int64]
     track_start: NDArray[np.int64]
@@ -113,8 +117,8 @@ def join_tables(folder: Path, cameras: tuple[str, ...]) -> JoinedTables:
         cameras: Channels whose keyframes are wanted.
 
     Raises:
-        DataError: If a table cannot be read, a camera is unknown, there is no sample, a token leads
-            nowhere or a file's name out of the data root.
+        DataError: If a table cannot be read, a camera is unknown, there is no sample or sensor
+            record, a token leads nowhere or a file's name out of the data root.
     """
     sensors = {sensor.token: sensor.channel for sensor in read_table(folder, Sensor)}
     unknown = [camera for camera in cameras if camera not in sensors.values()]
@@ -148,7 +152,9 @@ def _join(
     has_lidar[sample_scene[frames.sample[frames.channel == LIDAR]]] = True
     if not has_lidar[sample_scene].all():
         frames = reader.read(~has_lidar[sample_scene])
-    keyframe = _keyframes(frames, len(samples), len(reader.columns))
+    if not len(frames.sample):
+        raise DataError(f"The table '{table_path(folder, SampleData)}' has no record that is used.")
+    keyframe, rivals = _keyframes(frames, samples, len(reader.columns))
     images = keyframe[:, [reader.columns[camera] for camera in cameras]]
     global_from_ego, pose_problems = ego_poses(folder, frames.pose_token)
     pose_problems |= frames.time_problems
@@ -163,6 +169,7 @@ def _join(
         scenes=scenes,
         locations=[location[scene.log_token] for scene in scenes],
         samples=samples,
+        calibrations=calibrations,
         sample_scene=sample_scene,
         frames=frames,
         global_from_ego=global_from_ego,
@@ -170,6 +177,7 @@ def _join(
         rawpixel_from_camera=rawpixel_from_camera,
         lidar=keyframe[:, LIDAR],
         images=images,
+        rivals=rivals,
         in_track=in_track,
         track=track,
         track_start=track_start,
@@ -331,12 +339,26 @@ def _shifted(parts: list[dict[int, Problem]], starts: list[int]) -> dict[int, Pr
     }
 
 
-def _keyframes(frames: Frames, num_samples: int, num_columns: int) -> NDArray[np.int64]:
-    """[S, columns] frame of each sample's keyframe; the last one if there are more."""
+def _keyframes(
+    frames: Frames, samples: list[Sample], num_columns: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """[S, columns] frame of each sample's keyframe; and rivals of these, at other times.
+
+    Of several the nearest in time to the sample is taken; of several at one time the last.
+    """
     rows = np.flatnonzero(frames.is_key & (frames.channel != _OTHER))
-    keyframe = np.full((num_samples, num_columns), -1, dtype=np.int64)
-    np.maximum.at(keyframe, (frames.sample[rows], frames.channel[rows]), rows)
-    return keyframe
+    places = frames.sample[rows] * num_columns + frames.channel[rows]
+    num_places = len(samples) * num_columns
+    if (np.bincount(places, minlength=num_places) > 1).any():
+        sample_us = np.asarray([sample.timestamp for sample in samples], dtype=np.float64)
+        away_us = np.abs(frames.time_us[rows] - np.nan_to_num(sample_us)[frames.sample[rows]])
+        order = np.lexsort((rows, -away_us, places))
+        rows, places = rows[order], places[order]
+    keyframe = np.full(num_places, -1, dtype=np.int64)
+    # Of several values for one place the last stays.
+    keyframe[places] = rows
+    rivals = rows[frames.time_us[rows] != frames.time_us[keyframe[places]]]
+    return keyframe.reshape(len(samples), num_columns), rivals
 
 
 def _tracks(

@@ -1,5 +1,6 @@
 """Lidar sweeps from disk, in the ego frame."""
 
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -8,27 +9,38 @@ from jaxtyping import Float
 from numpy.typing import NDArray
 
 from lss_core.data.samples import TIME_TOLERANCE_S, SampleIndex
+from lss_core.data.sweep_cuts import SceneSweeps, cut_flaw
+from lss_core.data.sweep_layout import (
+    EXPECTED_WORDS,
+    POINT_BYTES,
+    has_place,
+    layout_flaw,
+    pieces_of,
+)
 from lss_core.errors import DataError
 from lss_core.geometry import FloatArray, apply, invert
+from lss_core.legible import legible
 
-_FIELDS = 5  # x, y, z, intensity, ring: nuScenes' own layout
-_POINT_BYTES = 4 * _FIELDS
-# Of metres and intensity. Sensors write what is no number, or a huge one, where nothing came back.
-_LARGEST = 10_000.0
+logger = logging.getLogger(__name__)
+
+_BRIGHTEST = 255.0
 # Nearer returns, measured over ground from the lidar, are from the car that carries it.
 _OWN_CAR_M = 2.2
+# Data sets whose intensities were warned of.
+_warned: set[Path] = set()
 
 
 def load_sweep(index: SampleIndex, root: Path, row: int) -> FloatArray:
     """[P, 3] points of a sample's keyframe sweep, metres, in `ego`.
 
     Raises:
-        DataError: If the sample has no sweep, or its file is missing or damaged.
+        DataError: If the sample has no sweep, or its file is missing, damaged or of another layout.
     """
     name = str(index.lidar_path[row])
     if not name:
         raise DataError(f"Sample {index.sample_token[row]} has no lidar sweep.")
-    points = _read(root / name)[:, :3].astype(np.float64)
+    others = SceneSweeps.of_scene(index, root, int(index.sample_scene[row]))
+    points = _read(root / name, others)[:, :3].astype(np.float64)
     return apply(index.ego_from_lidar[row], points)
 
 
@@ -59,7 +71,8 @@ def load_scans(
 
     The car's own motion between the sweeps is undone; what else moves leaves a trail, which the age
     of each point tells apart. Returns from the car itself are left out, and points that have no
-    place: of numbers that are not finite, or beyond 10 km.
+    place: of numbers that are not finite, or beyond 10 km. Intensities beyond 0 to 255 become the
+    nearest of these, with a warning; those that are no number become 0.
 
     Args:
         index: Of the data set.
@@ -71,12 +84,13 @@ def load_scans(
         x, y, z in metres in `ego`, intensity 0 to 255, age in seconds.
 
     Raises:
-        DataError: If the sample has no sweep, or a file is missing or damaged.
+        DataError: If the sample has no sweep, or a file is missing, damaged or of another layout.
     """
+    others = SceneSweeps.of_scene(index, root, int(index.sample_scene[row]))
     ego_from_global = invert(index.global_from_ego[row])
     scans = []
     for sweep in recent_sweeps(index, row, num_scans):
-        values = _read(root / index.sweep_path[sweep].decode())
+        values = _with_intensity(_read(root / index.sweep_path[sweep].decode(), others), root)
         values = values[np.hypot(values[:, 0], values[:, 1]) >= _OWN_CAR_M]
         ego_from_lidar = ego_from_global @ index.global_from_track[sweep]
         ego_from_lidar = (ego_from_lidar @ index.ego_from_lidar[row]).astype(np.float32)
@@ -88,31 +102,80 @@ def load_scans(
     return np.concatenate(scans)
 
 
-def check_size(path: Path) -> None:
-    """Look whether a sweep's file can hold whole points.
+def check_file(path: Path, others: SceneSweeps) -> None:
+    """Look whether a sweep's file seems to hold whole points of the right layout, and all of them.
+
+    Of a long file only some parts are read.
+
+    Args:
+        path: Of the file.
+        others: Sweeps of the same scene.
 
     Raises:
-        DataError: If it is missing, empty or ends within a point.
+        DataError: If it is missing, empty, ends within a point, is much smaller than the others, or
+            looks like points of another layout.
     """
     try:
         num_bytes = path.stat().st_size
+        with path.open("rb") as stream:
+            pieces = []
+            for start, end in pieces_of(num_bytes):
+                stream.seek(start)
+                pieces.append(stream.read(end - start))
     except OSError as error:
         raise DataError(f"The lidar sweep '{path}' cannot be read: {error.strerror}.") from error
+    _check(path, num_bytes, b"".join(pieces), others)
+
+
+def _check(path: Path, num_bytes: int, pieces: bytes, others: SceneSweeps) -> None:
     if not num_bytes:
         raise DataError(f"The lidar sweep '{path}' is damaged: it is empty.")
-    if num_bytes % _POINT_BYTES:
-        raise DataError(f"The lidar sweep '{path}' is damaged: it ends within a point.")
+    flaw = layout_flaw(pieces, num_bytes)
+    if num_bytes % POINT_BYTES:
+        more = f" ({flaw}; {EXPECTED_WORDS})" if flaw else ""
+        raise DataError(f"The lidar sweep '{path}' is damaged: it ends within a point{more}.")
+    if flaw:
+        raise DataError(f"The lidar sweep '{path}' {flaw}; {EXPECTED_WORDS}.")
+    flaw = cut_flaw(path, num_bytes, others)
+    if flaw:
+        raise DataError(f"The lidar sweep '{path}' seems to be cut off: it {flaw}.")
 
 
-def _read(path: Path) -> Float[np.ndarray[Any, np.dtype[np.float32]], "P 5"]:
-    """Points in the lidar's own frame; those without a place or intensity are left out."""
-    check_size(path)
+def _read(path: Path, others: SceneSweeps) -> Float[np.ndarray[Any, np.dtype[np.float32]], "P 5"]:
+    """Points in the lidar's own frame; those without a place are left out."""
     try:
-        values: NDArray[np.float32] = np.fromfile(path, dtype=np.float32).reshape(-1, _FIELDS)
+        raw = path.read_bytes()
     except OSError as error:
         raise DataError(f"The lidar sweep '{path}' cannot be read: {error.strerror}.") from error
-    # Comparisons with what is no number are false.
-    values = values[(np.abs(values[:, :4]) <= _LARGEST).all(axis=-1)]
+    pieces = b"".join(raw[start:end] for start, end in pieces_of(len(raw)))
+    _check(path, len(raw), pieces, others)
+    values: NDArray[np.float32] = np.frombuffer(raw, dtype=np.float32).reshape(-1, 5)
+    values = values[has_place(values)]
     if not len(values):
         raise DataError(f"The lidar sweep '{path}' is damaged: none of its points has a place.")
     return values
+
+
+def _with_intensity(
+    values: Float[np.ndarray[Any, np.dtype[np.float32]], "P 5"], root: Path
+) -> Float[np.ndarray[Any, np.dtype[np.float32]], "P 5"]:
+    """The points, their intensities within 0 to 255."""
+    intensity = values[:, 3]
+    # Comparisons with what is no number are false.
+    good = (intensity >= 0.0) & (intensity <= _BRIGHTEST)
+    if good.all():
+        return values
+    if root not in _warned:
+        _warned.add(root)
+        finite = intensity[np.isfinite(intensity)]
+        span = f"{finite.min():g} to {finite.max():g}" if len(finite) else "no finite number"
+        logger.warning(
+            "Intensities of lidar points in '%s' are not all within 0 to 255 (those of the first "
+            "such sweep: %s): beyond it they become 0 or 255, and 0 where they are no number; "
+            "scale those in the files to 0 to 255.",
+            legible(str(root)),
+            span,
+        )
+    changed = values.copy()
+    changed[:, 3] = np.clip(np.nan_to_num(intensity, nan=0.0), 0.0, _BRIGHTEST)
+    return changed

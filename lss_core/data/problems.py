@@ -73,15 +73,21 @@ def intrinsics_flaw(matrix: object) -> str:
     if not isinstance(matrix, list) or [len(line) for line in matrix] != [3, 3, 3]:
         return "no camera_intrinsic of three rows of three"
     values = np.asarray(matrix, dtype=np.float64)
+    if _is_pinhole(values):
+        return ""
+    hint = ", which looks transposed" if _is_pinhole(values.T) else ""
+    return f"camera_intrinsic {values.tolist()}{hint}"
+
+
+def _is_pinhole(values: FloatArray) -> bool:
     focal_px = values[[0, 1], [0, 1]]
-    is_pinhole = (
+    return bool(
         (np.abs(values) <= _LARGEST_PX).all()
         and (focal_px > 0.01).all()
         # Else it cannot be inverted, or is no projection.
         and np.linalg.det(values) > 1e-6
         and values[2].tolist() == [0.0, 0.0, 1.0]
     )
-    return "" if is_pinhole else f"camera_intrinsic {values.tolist()}"
 
 
 def is_time(time_us: FloatArray) -> NDArray[np.bool_]:
@@ -146,8 +152,10 @@ class ProblemList:
         """
         if not problems:
             return
-        for place in np.argwhere(np.isin(things, list(problems)) & (numbers == 0)):
-            numbers[tuple(place)] = self.add(problems[int(things[tuple(place)])])
+        new = np.isin(things, list(problems)) & (numbers == 0)
+        bad, which = np.unique(things[new], return_inverse=True)
+        own = [self.add(problems[thing]) for thing in bad.tolist()]
+        numbers[new] = np.asarray(own, dtype=np.int64)[which]
 
     @property
     def reasons(self) -> NDArray[np.character]:

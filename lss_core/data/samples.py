@@ -19,7 +19,7 @@ from lss_core.data.array_file import map_arrays, save_arrays
 from lss_core.data.joins import LIDAR, JoinedTables, join_tables
 from lss_core.data.problems import Problem
 from lss_core.data.sample_problems import find_problems
-from lss_core.data.splits import scenes_of_split
+from lss_core.data.splits import has_own_splits, scenes_of_split
 from lss_core.data.tables import TABLES
 from lss_core.errors import DataError
 from lss_core.geometry import FloatArray, interpolate_poses, yaw_of
@@ -27,7 +27,7 @@ from lss_core.legible import legible
 
 logger = logging.getLogger(__name__)
 
-_FORMAT = 5
+_FORMAT = 6
 # Letters of a description that are kept: one long text would make all of them as wide.
 _SHOWN = 1000
 # Time stamps are whole microseconds but travel as float64 seconds since 1970.
@@ -76,6 +76,8 @@ class SampleIndex:
         scene_problem: [C] which of them a scene's poses have.
         camera_problem: [S, N] which of them calibration, pose or size of an image have.
         lidar_problem: [S] which of them the mounting of the lidar has.
+        warning_reason: [W] kinds of what may be meant, but looks like a mistake.
+        warning_text: [W] what that is, with counts over the whole data set.
     """
 
     cameras: NDArray[np.character]
@@ -108,6 +110,8 @@ class SampleIndex:
     scene_problem: NDArray[np.int64]
     camera_problem: NDArray[np.int64]
     lidar_problem: NDArray[np.int64]
+    warning_reason: NDArray[np.character]
+    warning_text: NDArray[np.character]
 
     def problem(self, number: int) -> Problem:
         """The problem of this number, which is not 0."""
@@ -132,6 +136,8 @@ class SampleIndex:
 def load_index(root: str | Path, version: str, cameras: Iterable[str]) -> SampleIndex:
     """The index of a data set, from the cache if the tables have not changed since.
 
+    What looks like a mistake but may be meant is logged each time.
+
     Args:
         root: Folder that holds the version's folder.
         version: Name of the tables' folder, as `v1.0-trainval`.
@@ -140,8 +146,13 @@ def load_index(root: str | Path, version: str, cameras: Iterable[str]) -> Sample
     Raises:
         DataError: If the folder, the version, a table or a camera is missing or unreadable.
     """
-    root = Path(root)
-    cameras = tuple(cameras)
+    index = _cached_index(Path(root), version, tuple(cameras))
+    for text in index.warning_text.tolist():
+        logger.warning("%s.", legible(text))
+    return index
+
+
+def _cached_index(root: Path, version: str, cameras: tuple[str, ...]) -> SampleIndex:
     tables = _check_tables(root, version)
     stamp = [str(root.resolve()), version, _FORMAT, cameras]
     for table in tables:
@@ -171,20 +182,41 @@ def rows_of_split(
 ) -> NDArray[np.int64]:
     """Rows of the samples whose scene belongs to a split, in the order of scenes and times.
 
+    Of an official split a part may be there, which is logged: people have parts of nuScenes. A list
+    of one's own says what is there.
+
     Raises:
-        DataError: If the split is unknown or none of its scenes is in the data set.
+        DataError: If the split is unknown, none of its scenes is in the data set, or one of those
+            that the data set's own `splits.json` lists is not.
     """
-    names = scenes_of_split(Path(root) / version, split)
+    folder = Path(root) / version
+    names = scenes_of_split(folder, split)
     wanted = np.isin(index.scene_name, list(names))
     rows = np.flatnonzero(wanted[index.sample_scene])
     if not len(rows):
         raise DataError(
-            f"None of the {len(names)} scenes of split '{split}' is in {Path(root) / version}; "
+            f"None of the {len(names)} scenes of split '{split}' is in {folder}; "
             "check the version and the split."
         )
+    _check_whole(index, folder, split, names)
     order = np.lexsort((index.time_s[rows], index.sample_scene[rows]))
     ordered: NDArray[np.int64] = rows[order]
     return ordered
+
+
+def _check_whole(index: SampleIndex, folder: Path, split: str, names: tuple[str, ...]) -> None:
+    present = set(index.scene_name.tolist())
+    missing = [name for name in dict.fromkeys(names) if name not in present]
+    if missing and has_own_splits(folder):
+        raise DataError(
+            f"{len(missing)} of the {len(set(names))} scenes that {folder / 'splits.json'} lists "
+            f"for split '{split}' are not in the tables, the first is '{missing[0]}'."
+        )
+    if missing:
+        num = len(set(names))
+        logger.warning(
+            "Split '%s': %d of %d scenes are in the tables.", split, num - len(missing), num
+        )
 
 
 def _cache_folder() -> Path:

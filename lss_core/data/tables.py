@@ -70,12 +70,16 @@ class EgoPose(Record, gc=False):
 
 
 class CalibratedSensor(Record, gc=False):
-    """A sensor's frame in `ego`; the intrinsics are 3 x 3 for cameras."""
+    """A sensor's frame in `ego`; the intrinsics are 3 x 3 for cameras.
+
+    Distortion is not known to the format, but people add it.
+    """
 
     sensor_token: Short
     translation: tuple[float, float, float]
     rotation: tuple[float, float, float, float]
     camera_intrinsic: list[list[float]] | None = None
+    camera_distortion: Any = None
 
 
 class Sensor(Record, gc=False):

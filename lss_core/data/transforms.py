@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from lss_core.data.problems import Problem, intrinsics_flaw, problem_of, transform_flaws
 from lss_core.data.tables import ByToken, CalibratedSensor, EgoPose, SampleData, read_pieces
@@ -84,3 +85,11 @@ def _possible_transforms(
         np.where(bad[:, None], [1.0, 0.0, 0.0, 0.0], quaternion),
     )
     return matrices, {int(row): flaws[row] for row in np.flatnonzero(bad)}
+
+
+def reordered(rotations: FloatArray) -> FloatArray:
+    """Rotations [R, 3, 3] as they are if their quaternions were x, y, z, w, not w, x, y, z."""
+    if not len(rotations):
+        return rotations
+    x, y, z, w = Rotation.from_matrix(rotations).as_quat().T
+    return np.asarray(Rotation.from_quat(np.stack([w, x, y, z], axis=-1)).as_matrix())

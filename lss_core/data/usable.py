@@ -15,6 +15,7 @@ from lss_core.data.file_checks import image_problem, sweep_problem
 from lss_core.data.lidar import recent_sweeps
 from lss_core.data.problems import Problem
 from lss_core.data.samples import SampleIndex
+from lss_core.data.sweep_cuts import SceneSweeps
 from lss_core.errors import DataError
 from lss_core.files import write_atomically
 from lss_core.legible import legible
@@ -172,8 +173,9 @@ class _Files:
                 if problem:
                     return problem
         if needs.lidar_scans:
+            scene = int(index.sample_scene[row])
             for sweep in recent_sweeps(index, row, needs.lidar_scans):
-                problem = self._sweep(index.sweep_path[sweep].decode())
+                problem = self._sweep(index.sweep_path[sweep].decode(), scene)
                 if problem:
                     return problem
         return None
@@ -184,11 +186,13 @@ class _Files:
             return Problem("missing image", f"'{path}' is missing")
         return image_problem(path, image_hw) if self._look_inside else None
 
-    def _sweep_problem(self, name: str) -> Problem | None:
+    def _sweep_problem(self, name: str, scene: int) -> Problem | None:
         path = self._root / name
         if not _is_file(path):
             return Problem("missing lidar sweep", f"'{path}' is missing")
-        return sweep_problem(path) if self._look_inside else None
+        if not self._look_inside:
+            return None
+        return sweep_problem(path, SceneSweeps.of_scene(self._index, self._root, scene))
 
 
 def _is_file(path: Path) -> bool:

@@ -214,13 +214,18 @@ def _write_calibration(table: _Table, rng: np.random.Generator, channel: str) ->
     (token,) = _tokens(rng, 1)
     focal_px = 1260.0 + rng.normal()
     camera = [[focal_px, 0.0, 816.0 + rng.normal()], [0.0, focal_px, 491.0], [0.0, 0.0, 1.0]]
-    rotation = rng.normal(size=4)
+    # The cameras look all around, each a little off.
+    half_rad = np.pi * CAMERAS.index(channel) / len(CAMERAS) if channel in CAMERAS else 0.0
+    cos, sin = np.cos(half_rad), np.sin(half_rad)
+    rotation = 0.5 * np.asarray([cos + sin, -cos - sin, cos - sin, sin - cos])
+    rotation += rng.normal(0.0, 0.01, 4)
+    place_m = np.asarray([1.0, 0.0, 1.5]) + rng.normal(0.0, 0.1, 3)
     table.add(
         [
             _json(
                 token=token,
                 sensor_token=_sensor_token(channel),
-                translation=rng.normal(1.0, 0.5, 3).tolist(),
+                translation=place_m.tolist(),
                 rotation=(rotation / np.linalg.norm(rotation)).tolist(),
                 camera_intrinsic=camera if channel.startswith("CAM") else [],
             )

@@ -1,5 +1,6 @@
 """What all commands share: parse, run, and say in one sentence what the user can mend."""
 
+import contextlib
 import errno
 import io
 import logging
@@ -10,10 +11,12 @@ import warnings
 from collections.abc import Callable
 from typing import NoReturn, TypeVar
 
+import torch
 import torch.distributed as dist
 import tyro
 from rich.logging import RichHandler
 
+from lss_core.bounds import SettingError
 from lss_core.errors import DataError
 from shoot.lost_processes import lost_process
 
@@ -58,12 +61,7 @@ def run(
     # So that what is half done is cleared away, as on Ctrl-C.
     before = signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
     try:
-        args = [_SHORT.get(argument, argument) for argument in sys.argv[1:]]
-        try:
-            config = tyro.cli(config_type, args=args, description=description)
-        except ValueError as error:  # of settings that do not fit together, with older tyros
-            _end(f"{error}")
-        function(config)
+        function(_parse(config_type, description))
     except DataError as error:
         _end(error.sentence)
     except OSError as error:
@@ -72,8 +70,8 @@ def run(
             raise
         where = "Standard output or a file" if error.filename is None else f"'{error.filename}'"
         _end(f"{where}: {error.strerror}{f'; {remedy}' if remedy else ''}.")
-    except RuntimeError as error:
-        sentence = lost_process(error)
+    except (RuntimeError, MemoryError) as error:
+        sentence = _out_of_memory(error) or lost_process(error)
         if sentence is None:
             raise
         _end(sentence)
@@ -82,6 +80,34 @@ def run(
         sys.exit(130)
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+def _parse(config_type: type[Config] | Callable[..., Config], description: str) -> Config:
+    """The settings that the command line names; ends if it cannot be read, or they cannot be."""
+    args = [_SHORT.get(argument, argument) for argument in sys.argv[1:]]
+    try:
+        # In silence: of a setting that is refused the sentence is enough.
+        with contextlib.redirect_stderr(io.StringIO()):
+            return tyro.cli(config_type, args=args, description=description)
+    except SettingError as error:  # older tyros let it pass
+        _end(f"{error}")
+    except SystemExit as ended:
+        if not ended.code:  # as after --help
+            raise
+        cause: BaseException | None = ended
+        while cause is not None:
+            if isinstance(cause, SettingError):
+                _end(f"{cause}")
+            cause = cause.__context__
+    return tyro.cli(config_type, args=args, description=description)
+
+
+def _out_of_memory(error: RuntimeError | MemoryError) -> str | None:
+    """What to do if that is what it is: of a CPU's memory PyTorch says so in a RuntimeError."""
+    is_it = isinstance(error, MemoryError | torch.OutOfMemoryError)
+    if not is_it and "DefaultCPUAllocator" not in str(error):
+        return None
+    return "The memory is too small for this; choose a smaller batch, image, grid or network."
 
 
 def _end(sentence: str) -> NoReturn:

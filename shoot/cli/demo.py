@@ -4,13 +4,15 @@ import sys
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from rich.console import Console
 from rich.rule import Rule
 
+from lss_core.bounds import Bounds, Count, Seed, Workers, check_settings
 from shoot.cli.app import run
-from shoot.cli.fit_templates import DataSource, FitTemplatesConfig, fit
+from shoot.cli.fit_templates import DataSource, FitTemplatesConfig, NumTemplates, fit
 from shoot.comparison import compare, score, sum_up
 from shoot.config import DEMO
 from shoot.datamodule import LabelledSplit, load_split
@@ -22,7 +24,14 @@ from shoot.rendering import render_sample, save_figure
 from shoot.report_table import format_table
 from shoot.sample_views import view_sample
 from shoot.training import train
-from shoot.world.writer import VERSION, MakeWorldConfig, make_world
+from shoot.world.writer import (
+    MAX_TRAIN_SCENES,
+    MAX_VAL_SCENES,
+    VERSION,
+    ImageScale,
+    MakeWorldConfig,
+    make_world,
+)
 
 _SHIPPED = Path("templates") / "synthetic-1000"
 SHIPPED_PLANNER = "shipped_planner"
@@ -55,14 +64,17 @@ class DemoConfig:
     """
 
     out: Path = Path("demo")
-    first_scenes: int = 12
-    train_scenes: int = 120
-    val_scenes: int = 48
-    k: int = 1000
-    steps: int = DEMO.optim.steps
-    seed: int = 0
-    image_scale: float = 0.11
-    workers: int = 2
+    first_scenes: Annotated[int, Bounds(1, MAX_VAL_SCENES)] = 12
+    train_scenes: Annotated[int, Bounds(1, MAX_TRAIN_SCENES)] = 120
+    val_scenes: Annotated[int, Bounds(1, MAX_VAL_SCENES)] = 48
+    k: NumTemplates = 1000
+    steps: Count = DEMO.optim.steps
+    seed: Seed = 0
+    image_scale: ImageScale = 0.11
+    workers: Workers = 2
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 def demo(config: DemoConfig) -> None:

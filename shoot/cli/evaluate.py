@@ -3,11 +3,13 @@
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
 
+from lss_core.bounds import check_settings
 from lss_core.data.usable import LEFT_OUT, save_left_out
+from lss_core.files import check_writable
 from shoot.allocation import keep_freed_memory
 from shoot.cli.app import run
 from shoot.cli.render import OtherData
@@ -40,19 +42,25 @@ class EvaluateConfig:
     out: str = "report.json"
     html: str | None = None
     split: str = "val"
-    checkpoint: str = "last"
+    checkpoint: Literal["last", "best"] = "last"
     templates: str | None = None
     fast: bool = False
     allow_seen_scenes: bool = False
     data: OtherData = field(default_factory=OtherData)
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 def evaluate(config: EvaluateConfig) -> Report:
     """Score, print the table and save the report.
 
     Raises:
-        DataError: If run or data are not as they should be.
+        DataError: If run or data are not as they should be, or the run has seen the scenes.
+        OSError: If a file cannot be written.
     """
+    for path in filter(None, (config.out, config.html)):
+        check_writable(path)
     trained = open_run(
         config.run,
         config.checkpoint,

@@ -3,21 +3,27 @@
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lss_core.config import CAMERAS
+from lss_core.bounds import Bounds, Seed, check_settings
+from lss_core.config import CAMERAS, check_cameras
+from lss_core.data.drives import know_scenes
 from lss_core.data.samples import SampleIndex, load_index, rows_of_split
 from lss_core.data.usable import LEFT_OUT, LeftOut, save_left_out, usable_scenes
 from lss_core.errors import DataError
+from lss_core.files import check_writable
 from lss_core.geometry import FloatArray
 from shoot.cli.app import run
 from shoot.rendering import render_templates, save_figure
+from shoot.run_scenes import check_apart
 from shoot.templates import TemplateSet, fit_templates, fit_templates_stream
 from shoot.trajectories import mine_futures
 
 _SCENES_A_CHUNK = 50
+NumTemplates = Annotated[int, Bounds(1, 1_000_000)]
 
 
 @dataclass(frozen=True)
@@ -35,6 +41,10 @@ class DataSource:
     version: str = "v1.0-trainval"
     cameras: tuple[str, ...] = CAMERAS
     skip_bad: bool = False
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+        check_cameras(self.cameras)
 
 
 @dataclass(frozen=True)
@@ -57,25 +67,34 @@ class FitTemplatesConfig:
     out: str
     split: str = "train"
     coverage_split: str = "val"
-    k: int = 1000
-    seed: int = 0
+    k: NumTemplates = 1000
+    seed: Seed = 0
     stream: bool = False
     dask: str | None = None
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 def fit(config: FitTemplatesConfig) -> TemplateSet:
     """Mine, fit, save file, card and picture, and report.
 
     Raises:
-        DataError: If the data is not as it should be or has too few trajectories.
+        DataError: If the data is not as it should be, has too few trajectories, or a scene of the
+            other split shares a drive with one that is fitted on.
         OSError: If a file cannot be written.
     """
     out = Path(config.out)
     if out.suffix != ".npz":
         raise DataError(f"The template file must end in .npz, got '{out}'.")
+    check_writable(out)
     index = load_index(config.data.root, config.data.version, config.data.cameras)
     rows, left_out = _rows(index, config.data, config.split)
     scenes = list(dict.fromkeys(index.sample_scene[rows].tolist()))
+    known = know_scenes(index, scenes)
+    other = _held_out_rows(index, config)
+    held_out = know_scenes(index, np.unique(index.sample_scene[other]).tolist())
+    check_apart(held_out, known, config.coverage_split, config.split)
     num_starts = sum(len(index.track_time_s[index.track(scene)]) for scene in scenes)
     templates, shown = (_fit_stream if config.stream else _fit_all)(index, rows, config)
     num_left_out = num_starts - templates.card["num_futures"]
@@ -90,18 +109,17 @@ def fit(config: FitTemplatesConfig) -> TemplateSet:
             "futures held at once; coverage is that of a sample."
         )
     coverage = {config.split: templates.coverage(shown)}
-    try:
-        other, _ = _rows(index, config.data, config.coverage_split)
-        held_out = mine_futures(index, other, "sweeps", config.dask).xy_m
-        if config.coverage_split != config.split and len(held_out):
-            coverage[config.coverage_split] = templates.coverage(held_out)
-    except DataError as error:
-        print(f"No coverage on '{config.coverage_split}': {error}")
+    if len(other):
+        futures = mine_futures(index, other, "sweeps", config.dask).xy_m
+        if len(futures):
+            coverage[config.coverage_split] = templates.coverage(futures)
     card = {
         "data": {"version": config.data.version, "name": Path(config.data.root).resolve().name},
         "split": config.split,
         "num_scenes": len(scenes),
-        "scene_tokens": index.scene_token[scenes].tolist(),
+        "scene_names": [scene.name for scene in known],
+        "scene_tokens": [scene.token for scene in known],
+        "scene_digests": [scene.digest for scene in known],
         "starts": "every LIDAR_TOP sweep with 5 s of recorded future",
         "num_left_out": num_left_out,
         "num_bad_scenes": len(left_out),
@@ -132,6 +150,17 @@ def _rows(
     usable = usable_scenes(index, rows, data.skip_bad)
     scenes = dict.fromkeys(replace(one, sample="") for one in usable.left_out)
     return usable.rows, list(scenes)
+
+
+def _held_out_rows(index: SampleIndex, config: FitTemplatesConfig) -> NDArray[np.int64]:
+    """Samples of the split that coverage is measured on as well; none where there is no such."""
+    if config.coverage_split == config.split:
+        return np.zeros(0, dtype=np.int64)
+    try:
+        return _rows(index, config.data, config.coverage_split)[0]
+    except DataError as error:
+        print(f"No coverage on '{config.coverage_split}': {error}")
+        return np.zeros(0, dtype=np.int64)
 
 
 def _fit_all(

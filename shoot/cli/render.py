@@ -2,11 +2,12 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 import tyro
 
+from lss_core.bounds import Count, check_settings
 from lss_core.data.file_names import is_plain
 from lss_core.data.samples import load_index, rows_of_split
 from lss_core.data.usable import LEFT_OUT, Needs, save_left_out
@@ -33,6 +34,9 @@ class OtherData:
     version: str | None = None
     skip_bad: bool = False
 
+    def __post_init__(self) -> None:
+        check_settings(self)
+
 
 @dataclass(frozen=True)
 class RenderConfig:
@@ -52,15 +56,14 @@ class RenderConfig:
     run: Annotated[str, tyro.conf.Positional]
     out: str
     split: str = "val"
-    num: int = 4
+    num: Count = 4
     token: str | None = None
     lidar: bool = False
-    checkpoint: str = "last"
+    checkpoint: Literal["last", "best"] = "last"
     data: OtherData = field(default_factory=OtherData)
 
     def __post_init__(self) -> None:
-        if self.num < 1:
-            raise ValueError("num must be at least 1.")
+        check_settings(self)
 
 
 def render(config: RenderConfig) -> list[Path]:

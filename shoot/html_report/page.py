@@ -125,6 +125,11 @@ def _facts(report: Report, details: PageDetails) -> Html:
     }
     if report.resampled == "logs":
         facts["Samples"] += f" of {report.overall.num_groups} logs"
+    if report.num_seen_scenes:
+        facts["Seen in training"] = (
+            f"{report.num_seen_scenes} of these scenes: the run was trained on them, or its "
+            "templates fitted"
+        )
     if report.num_bad_samples:
         facts["Left out"] = f"{report.num_bad_samples} samples that cannot be used"
     if details.num_templates is not None:
@@ -180,6 +185,8 @@ def _driving(report: Report) -> Html:
     for group in GROUPS:
         parts += [element("h3", group.title), _note(group.note)]
         parts.append(_group(overall, limits, group.columns, keys))
+        if group is SAFETY and report.rests_on is not None:
+            parts += [_note(f"On this data: {text}.") for text in report.rests_on.sentences()]
         if group is CALIBRATION:
             parts.append(reliability_figures(overall))
         if group is SAFETY and report.num_boxes_left_out:

@@ -35,8 +35,12 @@ def render_templates(
         title: Headline.
 
     Raises:
-        ValueError: If there are no templates, or not one count for each.
+        ValueError: If there are no templates, not finite ones, or not one count for each.
     """
+    if templates.ndim != 3 or templates.shape[2] != 2 or not np.isfinite(templates).all():
+        raise ValueError(f"Templates must be finite and [K, T, 2], got {list(templates.shape)}.")
+    if not dt_s > 0.0:
+        raise ValueError(f"dt_s must be more than 0 s, got {dt_s}.")
     if len(templates) == 0 or len(templates) != len(counts):
         raise ValueError(
             f"Templates need one count each, got {len(templates)} and {len(counts)} of them."

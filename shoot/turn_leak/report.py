@@ -1,17 +1,15 @@
 """How well a planner knows the ego's way: scores with intervals, by road and by what shows."""
 
 import io
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Shaped
 
-from lss_core.files import write_atomically
 from shoot.bootstrap import NUM_DRAWS, SEED, Interval, interval
+from shoot.strict_json import save_json
 from shoot.turn_leak.answers import Answers, Array, Question, approach_weights
 
 DISTANCE_BIN_M, REACH_M = 7.5, 45.0
@@ -93,17 +91,7 @@ class LeakReport:
 
     def save(self, path: Path) -> None:
         """Write it as JSON, whole or not at all; numbers that do not exist become null."""
-        text = json.dumps(_without_nan(asdict(self)), indent=2)
-        with write_atomically(path) as stream:
-            stream.write((text + "\n").encode())
-
-
-def _without_nan(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _without_nan(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_without_nan(item) for item in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value
+        save_json(asdict(self), path)
 
 
 def report(answers: Answers, run: str, split: str) -> LeakReport:

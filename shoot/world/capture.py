@@ -7,14 +7,15 @@ from typing import Literal
 import cv2
 import numpy as np
 
+from lss_core.data.table_rows import Row, chain, token
 from lss_core.files import write_atomically
 from shoot.world.paint import Paint
 from shoot.world.rig import make_rig
 from shoot.world.scenario import describe, make_look, make_scenario
 from shoot.world.scenery import ego_pose
 from shoot.world.sensors import CitySensors, Sweep
-from shoot.world.tables import AnnotationBook, Row, calibration_rows, chain, pose_row
-from shoot.world.tiling import LOCATIONS, Tile, seed_of, token
+from shoot.world.tables import AnnotationBook, calibration_rows, pose_row
+from shoot.world.tiling import LOCATIONS, Tile, seed_of
 from shoot.world.town import FloatArray, Town
 
 LIDAR = "LIDAR_TOP"

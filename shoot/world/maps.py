@@ -12,10 +12,11 @@ import shapely
 import shapely.ops
 from numpy.typing import NDArray
 
+from lss_core.data.table_rows import Row, token
 from lss_core.files import write_atomically
 from shoot.world.paint import polygons_of
-from shoot.world.tables import Row, rounded
-from shoot.world.tiling import TILE_M, Location, token
+from shoot.world.tables import rounded
+from shoot.world.tiling import TILE_M, Location
 from shoot.world.town import FloatArray, Lane, Town
 
 MASK_CELL_M = 0.1

@@ -1,20 +1,12 @@
 """One scene as rows of the nuScenes tables."""
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
+from lss_core.data.table_rows import Row, chain, token
 from shoot.world.rig import Rig, quaternion_wxyz
-from shoot.world.tiling import token
 from shoot.world.town import FloatArray
-
-Row = dict[str, Any]
-
-TABLE_NAMES = (
-    "category", "attribute", "visibility", "instance", "sensor", "calibrated_sensor", "ego_pose",
-    "log", "scene", "sample", "sample_data", "sample_annotation", "map",
-)  # fmt: skip
 
 CATEGORIES = {
     "car": ("vehicle.car", "Cars that move or could."),
@@ -101,13 +93,6 @@ def pose_row(row_token: str, stamp_us: int, xy_m: FloatArray, yaw_rad: float) ->
         "rotation": rounded([np.cos(yaw_rad / 2), 0.0, 0.0, np.sin(yaw_rad / 2)], 12),
         "translation": [*rounded(xy_m, 6), 0.0],
     }
-
-
-def chain(rows: list[Row]) -> None:
-    """Set `prev` and `next` of rows in order, in place."""
-    for index, row in enumerate(rows):
-        row["prev"] = rows[index - 1]["token"] if index else ""
-        row["next"] = rows[index + 1]["token"] if index + 1 < len(rows) else ""
 
 
 @dataclass

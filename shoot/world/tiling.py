@@ -1,11 +1,11 @@
 """Where each town lies on nuScenes' four maps, and the few fixed names the devkit insists on."""
 
-import hashlib
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
+from lss_core.data.table_rows import token
 from shoot.world.town import FloatArray
 
 Split = Literal["train", "val"]
@@ -67,12 +67,6 @@ def tile_of(split: Split, town_index: int) -> Tile:
         return Tile(location, _COLUMNS - 1, turn)
     row, column = divmod(turn, _COLUMNS_TRAIN)
     return Tile(location, column, row)
-
-
-def token(*parts: object) -> str:
-    """A nuScenes token (32 hexadecimal digits) that depends on `parts` alone."""
-    text = "/".join(str(part) for part in parts)
-    return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
 
 
 def seed_of(*parts: object) -> int:

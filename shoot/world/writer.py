@@ -17,7 +17,9 @@ from typing import Annotated, Any, Literal
 import cv2
 import tyro
 
+from lss_core.bounds import Bounds, Seed, SettingError, Workers, check_settings
 from lss_core.data.splits import official_scenes
+from lss_core.data.table_rows import TABLE_NAMES, Row
 from lss_core.errors import DataError
 from lss_core.files import clear_leftovers, name_errors, sole_writer, write_atomically
 from lss_core.progress import progress
@@ -27,7 +29,7 @@ from shoot.world.maps import canvas_of, merge_layers, town_layers, town_mask, wr
 from shoot.world.paint import paint_unlit
 from shoot.world.rig import CAMERA_PLANS
 from shoot.world.roads import make_town
-from shoot.world.tables import TABLE_NAMES, Row, fixed_tables
+from shoot.world.tables import fixed_tables
 from shoot.world.tiling import LOCATIONS, TILE_M, Split, Tile, seed_of, tile_of
 from shoot.world.town import Town
 
@@ -36,6 +38,9 @@ CARD = "world.json"
 # Raise it whenever the same settings would give other bytes: a resumed run must not mix two worlds.
 WORLD_FORMAT = 3
 _PARTS = ".parts"
+# As many as the official splits name.
+MAX_TRAIN_SCENES, MAX_VAL_SCENES = 700, 150
+ImageScale = Annotated[float, Bounds(0.05, 1.0)]
 
 
 @dataclass(frozen=True)
@@ -62,40 +67,28 @@ class MakeWorldConfig:
     """
 
     out: Annotated[Path, tyro.conf.Positional]
-    train_scenes: int = 40
-    val_scenes: int = 10
-    seed: int = 0
-    image_scale: float = 0.25
+    train_scenes: Annotated[int, Bounds(0, MAX_TRAIN_SCENES)] = 40
+    val_scenes: Annotated[int, Bounds(0, MAX_VAL_SCENES)] = 10
+    seed: Seed = 0
+    image_scale: ImageScale = 0.25
     sweeps: Literal["keyframes", "all"] = "keyframes"
-    workers: int = 2
+    workers: Workers = 2
     dask: str | None = None
-    scenes_per_town: int = 1
-    duration_s: float = 20.0
-    keyframe_s: float = 0.5
-    tail_s: float = 0.0
-    lidar_azimuths: int = 0
+    scenes_per_town: Annotated[int, Bounds(1, MAX_TRAIN_SCENES)] = 1
+    duration_s: Annotated[float, Bounds(0.5, 60.0)] = 20.0
+    keyframe_s: Annotated[float, Bounds(0.2, 5.0)] = 0.5
+    tail_s: Annotated[float, Bounds(0.0, 60.0)] = 0.0
+    lidar_azimuths: Annotated[int, Bounds(0, 4096)] = 0
 
     def __post_init__(self) -> None:
-        limits = {
-            "train_scenes": (0, len(official_scenes(VERSION, "train"))),
-            "val_scenes": (0, len(official_scenes(VERSION, "val"))),
-            "seed": (0, 2**32 - 1),
-            "image_scale": (0.05, 1.0),
-            "workers": (1, 1024),
-            "scenes_per_town": (1, 700),
-            "duration_s": (0.5, 60.0),
-            "keyframe_s": (0.2, 5.0),
-            "tail_s": (0.0, self.duration_s - 0.1),
-            "lidar_azimuths": (0, 4096),
-        }
-        for name, (low, high) in limits.items():
-            if not low <= getattr(self, name) <= high:
-                flag = name.replace("_", "-")
-                raise DataError(
-                    f"--{flag} is {getattr(self, name)}, but must lie in {low} to {high}."
-                )
+        check_settings(self)
+        if self.tail_s > self.duration_s - 0.1:
+            raise SettingError(
+                f"tail_s is {self.tail_s:g}, but must be 0.1 s less than duration_s, "
+                f"{self.duration_s:g}, or shorter."
+            )
         if self.train_scenes + self.val_scenes == 0:
-            raise DataError("--train-scenes and --val-scenes are both 0: nothing to write.")
+            raise SettingError("train_scenes and val_scenes are both 0: nothing to write.")
 
     def card(self) -> dict[str, Any]:
         """The settings that decide what is written (where and how it is does not)."""

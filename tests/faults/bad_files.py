@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from bad_data import CAMS, TOKEN, Case, change_frame, image, sweep
-from PIL import Image
+from PIL import ExifTags, Image
 
 HW = (36, 64)
 
@@ -44,6 +44,21 @@ def picture(kind: str, mode: str = "RGB", hw: tuple[int, int] = HW) -> Callable[
         return stream.getvalue()
 
     return encode
+
+
+def deep_png() -> bytes:
+    """Grey of 16 bits."""
+    stream = io.BytesIO()
+    Image.fromarray(np.full(HW, 4000, dtype=np.uint16)).save(stream, "PNG")
+    return stream.getvalue()
+
+
+def turned_jpeg() -> bytes:
+    """To be shown the other way up."""
+    stream, exif = io.BytesIO(), Image.Exif()
+    exif[ExifTags.Base.Orientation] = 3
+    Image.new("RGB", HW[::-1], (90, 90, 90)).save(stream, "JPEG", exif=exif)
+    return stream.getvalue()
 
 
 def png_of(width: int, height: int) -> bytes:
@@ -118,6 +133,8 @@ _IMAGE_BYTES: dict[str, tuple[Callable[[bytes], bytes], str | None]] = {
     "PNG with a palette": (picture("PNG", "P"), None),
     "PNG with alpha": (picture("PNG", "RGBA"), None),
     "PNG of one bit": (picture("PNG", "1"), None),
+    "PNG of 16 bits": (lambda _: deep_png(), "image of another kind"),
+    "turned by EXIF": (lambda _: turned_jpeg(), "image of another kind"),
     "with text behind its end": (lambda old: old + b"camera 4711" * 20, None),
 }
 
@@ -173,11 +190,19 @@ IMAGES = [
     ),
     Case(
         "images",
-        "size 1600 x 900 in the table",
-        change_frame("sample_data", CAMS[0], width=1600, height=900),
-        (NAME, "1600x900"),
+        "size 80 x 45 in the table",
+        change_frame("sample_data", CAMS[0], width=80, height=45),
+        (NAME, "80x45"),
         1,
         "image of another size",
+    ),
+    Case(
+        "images",
+        "size 1600 x 900 in the table",
+        change_frame("sample_data", CAMS[0], width=1600, height=900),
+        ("calibrated_sensor.json", "principal point", "images 0.04 times as large"),
+        1,
+        "calibration against image",
     ),
     Case(
         "images",

@@ -177,6 +177,13 @@ def without(table: str, wanted: Any) -> Spoil:
     return rewrite(table, lambda records: [r for r in records if not wanted(r)])
 
 
+def _listed_beside(name: str) -> Spoil:
+    """Another scene, which the training split has, too."""
+    scenes = rewrite("scene", lambda rs: [*rs, rs[0] | {"token": "more", "name": name}])
+    lists = splits({"train": [TRAIN.name, BESIDE.name, name], "val": []})
+    return lambda root: (scenes(root), lists(root))
+
+
 def _of_scene(record: Record) -> bool:
     return str(record["token"]).startswith(TRAIN.name)
 
@@ -207,6 +214,7 @@ SPLITS = [
         for name, names in (
             ("empty", []),
             ("of unknown scenes", ["scene-9999"]),
+            ("of a scene more", ["scene-0001", "scene-0002", "scene-9999"]),
             ("of numbers", [1, 2]),
             ("of lists", [["scene-0001"]]),
             ("of null", [None]),
@@ -272,14 +280,12 @@ SPLITS = [
     ),
     _masked(
         "a scene without samples beside",
-        rewrite("scene", lambda rs: [*rs, rs[0] | {"token": "more", "name": "scene-0004"}]),
+        _listed_beside("scene-0004"),
     ),
     _masked(
         "a scene of one sample beside",
         lambda root: (
-            rewrite("scene", lambda rs: [*rs, rs[0] | {"token": "more", "name": "scene-0004"}])(
-                root
-            ),
+            _listed_beside("scene-0004")(root),
             rewrite("sample", lambda rs: [*rs, rs[0] | {"token": "one", "scene_token": "more"}])(
                 root
             ),

@@ -36,7 +36,7 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The data set before it is spoilt; beside it lies what nobody may open."""
     root = tmp_path_factory.mktemp("bad") / "data"
     write_tiny(root, (TRAIN, BESIDE), cameras=CAMS, image_hw=(36, 64))
-    splits = {"train": [TRAIN.name, BESIDE.name, "scene-0004"], "val": ["scene-0003"]}
+    splits = {"train": [TRAIN.name, BESIDE.name], "val": ["scene-0003"]}
     (root / VERSION / "splits.json").write_text(json.dumps(splits))
     return root
 

@@ -105,17 +105,17 @@ def test_strange_folders_are_refused(tmp_path: Path):
 
 
 @pytest.mark.parametrize(
-    ("changes", "flag"),
+    ("changes", "setting"),
     [
-        ({"train_scenes": 701}, "--train-scenes"),
-        ({"image_scale": 3.0}, "--image-scale"),
+        ({"train_scenes": 701}, "train_scenes"),
+        ({"image_scale": 3.0}, "image_scale"),
         ({"train_scenes": 0, "val_scenes": 0}, "nothing to write"),
-        ({"workers": 0}, "--workers"),
-        ({"tail_s": DURATION_S}, "--tail-s"),
+        ({"workers": 0}, "workers"),
+        ({"tail_s": DURATION_S}, "tail_s"),
     ],
 )
-def test_impossible_settings_are_refused(tmp_path: Path, changes, flag):
-    with pytest.raises(DataError, match=flag):
+def test_impossible_settings_are_refused(tmp_path: Path, changes, setting):
+    with pytest.raises(DataError, match=setting):
         config(tmp_path, **changes)
 
 

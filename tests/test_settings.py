@@ -1,0 +1,402 @@
+"""Settings that cannot be: refused by config class, saved config and command, in one sentence."""
+
+import contextlib
+import math
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import is_dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any, get_args, get_origin
+
+import jaxtyping
+import numpy as np
+import pytest
+import torch
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+from world_fixture import Said, TinyRun, command, complaint, train_flags
+
+from lss_core.bounds import Bounds, SettingError, hints_of
+from lss_core.config import DataConfig, DepthBins, ImageConfig, ModelConfig
+from lss_core.errors import DataError
+from lss_core.grid import BevGrid
+from shoot.cli import app
+from shoot.cli.check import CheckConfig, CheckedData
+from shoot.cli.demo import DemoConfig
+from shoot.cli.evaluate import EvaluateConfig
+from shoot.cli.fit_templates import DataSource, FitTemplatesConfig
+from shoot.cli.render import RenderConfig
+from shoot.config import DEMO, PAPER, PRESETS, OptimConfig, TrainConfig
+from shoot.templates import TemplateSet
+from shoot.training import check_grid
+from shoot.world.writer import MakeWorldConfig
+
+NAN, INF = math.nan, math.inf
+COUNT = (0, -1, 10**12)
+SEED = (-1, 2**32, 2**64)
+LENGTH = (0.0, -1.0, NAN, INF)
+PLACE = (NAN, INF, -INF, 1e9)
+
+# Each number of each config class with values that it cannot have.
+IMPOSSIBLE: dict[type, dict[str, tuple[Any, ...]]] = {
+    DepthBins: {
+        "min_m": (*LENGTH, 45.0, 50.0),
+        "max_m": (*LENGTH, 4.0, 3.0),
+        "step_m": (*LENGTH, 90.0, 1e-6),
+    },
+    BevGrid: {
+        "x_min_m": (*PLACE, 50.0, 60.0, 0.1),
+        "x_max_m": (*PLACE, -50.0, -60.0),
+        "y_min_m": (*PLACE, 50.0),
+        "y_max_m": (*PLACE, -50.0),
+        "cell_m": (*LENGTH, 0.3, 1e-9),
+    },
+    ImageConfig: {
+        "height_px": (0, -8, 10**6),
+        "width_px": (0, -8, 10**6),
+        "resize": ((0.0, 0.0), (1.2, 0.9), (NAN, 1.0), (1.0, INF), (-1.0, 1.0), (1.0, 1e9)),
+        "crop_bottom": ((0.5, 0.1), (-1.0, 0.0), (22.0, 22.0), (NAN, 0.1), (0.0, 1.0)),
+        "rotate_rad": (-0.1, NAN, INF, 5.4),
+        "horizon": ((-0.1, 0.2), (0.2, NAN), (0.6, 0.6)),
+    },
+    ModelConfig: {
+        "context_channels": COUNT,
+        "neck_channels": COUNT,
+        "stem_channels": COUNT,
+        "decoder_channels": (*COUNT, 1),
+        "z_min_m": (*PLACE, 10.0, 11.0),
+        "z_max_m": (*PLACE, -10.0, -11.0),
+        "head_init_std": (-1.0, NAN, INF),
+    },
+    DataConfig: {
+        "lidar_scans": (-1, 10**12),
+        "drop_cameras": (-1, 6, 99),
+        "extrinsic_noise_rad": (-0.1, NAN, INF, 4.0),
+        "extrinsic_noise_m": (-0.1, NAN, INF, 1e9),
+    },
+    OptimConfig: {
+        "steps": COUNT,
+        "batch_size": COUNT,
+        "learning_rate": (0.0, -1e-3, NAN, INF, 1e9),
+        "weight_decay": (-1.0, NAN, INF),
+        "clip_norm": (0.0, -1.0, NAN, INF),
+        "warmup_steps": (-1, 10**12),
+        "depth_weight": (-1.0, NAN, INF),
+        "max_bad_steps": COUNT,
+    },
+    TrainConfig: {
+        "val_every": COUNT,
+        "val_samples": (-1, 10**12),
+        "num_workers": (-1, 10**6),
+        "devices": COUNT,
+        "num_nodes": COUNT,
+        "seed": SEED,
+    },
+    FitTemplatesConfig: {"k": COUNT, "seed": SEED},
+    RenderConfig: {"num": COUNT},
+    MakeWorldConfig: {
+        "train_scenes": (-1, 701),
+        "val_scenes": (-1, 151),
+        "seed": SEED,
+        "image_scale": (0.0, 2.0, NAN),
+        "workers": COUNT,
+        "scenes_per_town": COUNT,
+        "duration_s": (0.0, 90.0, NAN),
+        "keyframe_s": (0.0, -1.0, NAN),
+        "tail_s": (-1.0, 20.0, NAN, INF),
+        "lidar_azimuths": (-1, 10**6),
+    },
+    DemoConfig: {
+        "first_scenes": COUNT,
+        "train_scenes": (0, 701),
+        "val_scenes": (0, 151),
+        "k": COUNT,
+        "steps": COUNT,
+        "seed": SEED,
+        "image_scale": (0.0, 2.0, NAN),
+        "workers": COUNT,
+    },
+}
+
+# What is no number.
+IMPOSSIBLE_OTHERS: list[tuple[type, str, Any]] = [
+    (DataConfig, "cameras", ()),
+    (DataConfig, "cameras", ("CAM_FRONT", "CAM_FRONT")),
+    (DataConfig, "cameras", ("CAM_FRONT", " ")),
+    (DataConfig, "root", ""),
+    (DataConfig, "version", " "),
+    (DataSource, "cameras", ("CAM_FRONT", "CAM_FRONT")),
+    (DataSource, "root", "a\0b"),
+    (TrainConfig, "val_split", "train"),
+    (TrainConfig, "templates", ""),
+    (FitTemplatesConfig, "split", ""),
+    (RenderConfig, "token", ""),
+    (EvaluateConfig, "html", ""),
+    (CheckConfig, "out", ""),
+    (CheckedData, "cameras", ("CAM_FRONT", "CAM_FRONT")),
+]
+
+MAKE: dict[type, Callable[..., Any]] = {
+    TrainConfig: partial(replace, PAPER),
+    DataSource: partial(DataSource, root="data"),
+    FitTemplatesConfig: partial(FitTemplatesConfig, DataSource("data"), "t.npz"),
+    RenderConfig: partial(RenderConfig, "run", "pictures"),
+    EvaluateConfig: partial(EvaluateConfig, "run"),
+    CheckConfig: partial(CheckConfig, CheckedData("data")),
+    CheckedData: partial(CheckedData, "data"),
+    MakeWorldConfig: partial(MakeWorldConfig, Path("world")),
+}
+COMMANDS = (
+    TrainConfig,
+    FitTemplatesConfig,
+    RenderConfig,
+    EvaluateConfig,
+    CheckConfig,
+    MakeWorldConfig,
+    DemoConfig,
+)
+
+
+def make(config_type: type, **settings: Any) -> Any:
+    return MAKE.get(config_type, config_type)(**settings)
+
+
+def parts_of(config_type: type) -> Iterator[type]:
+    """A config class and those within it."""
+    yield config_type
+    for hint in hints_of(config_type).values():
+        if is_dataclass(hint):
+            yield from parts_of(hint)  # type: ignore[arg-type]
+
+
+def is_number(hint: Any) -> bool:
+    if get_origin(hint) in (Annotated, tuple):
+        return is_number(get_args(hint)[0])
+    return hint in (int, float)
+
+
+def test_every_number_of_every_command_has_bounds_and_stands_in_the_table() -> None:
+    every = {part for config_type in COMMANDS for part in parts_of(config_type)}
+    for part in every:
+        numbers = {name: hint for name, hint in hints_of(part).items() if is_number(hint)}
+        assert set(numbers) == set(IMPOSSIBLE.get(part, {})), part
+        for name, hint in numbers.items():
+            bounds = [extra for extra in hint.__metadata__ if isinstance(extra, Bounds)]
+            assert bounds, f"{part.__name__}.{name}"
+
+
+@pytest.mark.parametrize(
+    ("config_type", "name", "value"),
+    [
+        *(
+            (part, name, value)
+            for part, row in IMPOSSIBLE.items()
+            for name, values in row.items()
+            for value in values
+        ),
+        *IMPOSSIBLE_OTHERS,
+    ],
+)
+def test_what_cannot_be_is_refused_by_name(config_type: type, name: str, value: Any) -> None:
+    with pytest.raises(SettingError) as refused:
+        make(config_type, **{name: value})
+    sentence = str(refused.value)
+    side = f"side {name[0]}" if config_type is BevGrid else name
+    assert name in sentence or side in sentence or "cells" in sentence
+    assert sentence.endswith(".")
+    assert "\n" not in sentence
+    assert len(sentence) < 300
+
+
+@given(data=st.data())
+def test_numbers_within_bounds_are_taken_and_those_beyond_are_not(data: st.DataObject) -> None:
+    config_type = data.draw(st.sampled_from(sorted(IMPOSSIBLE, key=lambda part: part.__name__)))
+    name = data.draw(st.sampled_from(sorted(IMPOSSIBLE[config_type])))
+    hint = hints_of(config_type)[name]
+    bounds = next(extra for extra in hint.__metadata__ if isinstance(extra, Bounds))
+    kind, low, high = get_args(hint)[0], bounds.low, bounds.high
+    if kind is int:
+        number = data.draw(st.integers(-(2**70), 2**70) | st.integers(int(low), int(high)))
+    else:
+        number = data.draw(st.floats() | st.floats(float(low), float(high)))
+    value = number if kind in (int, float) else (number, number)
+    if bounds.hold(number):
+        with contextlib.suppress(SettingError):  # it may not fit the others
+            make(config_type, **{name: value})
+    else:
+        with pytest.raises(SettingError, match=name):
+            make(config_type, **{name: value})
+
+
+@pytest.mark.parametrize("value", [2.5, "3", True, None])
+def test_numbers_of_other_types_are_refused(value: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Users have none of the types that tests hold calls to.
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+    with pytest.raises(SettingError, match=r"steps is .*, but must be a whole number"):
+        OptimConfig(steps=value)
+
+
+def test_what_does_not_fit_together_is_refused() -> None:
+    with pytest.raises(SettingError, match="height_px is 36, but must be a multiple of"):
+        replace(DEMO, data=replace(DEMO.data, image=replace(DEMO.data.image, height_px=36)))
+    with pytest.raises(SettingError, match="depth_weight needs two"):
+        replace(
+            DEMO,
+            optim=replace(DEMO.optim, depth_weight=1.0),
+            model=replace(DEMO.model, depth=DepthBins(4.0, 46.0, 42.0)),
+        )
+    # Of a lidar planner's no image needs to fit.
+    lidar = PRESETS["lidar1"][1]
+    replace(lidar, data=replace(lidar.data, image=replace(lidar.data.image, height_px=36)))
+
+
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [
+        (("optim", "clip_norm"), 0.0),
+        (("optim", "learning_rate"), NAN),
+        (("data", "cameras"), ["CAM_FRONT", "CAM_FRONT"]),
+        (("data", "image", "resize"), [1.2, 0.9]),
+        (("model", "grid", "x_max_m"), INF),
+        (("model", "image_stride"), 4),
+        (("seed",), -1),
+    ],
+)
+def test_a_saved_config_meets_the_same_bounds(
+    tmp_path: Path, place: tuple[str, ...], value: Any
+) -> None:
+    path = tmp_path / "config.yaml"
+    PAPER.save(path)
+    loaded = yaml.safe_load(path.read_text())
+    part = loaded
+    for key in place[:-1]:
+        part = part[key]
+    part[place[-1]] = value
+    path.write_text(yaml.safe_dump(loaded))
+    with pytest.raises(DataError, match=f"no training config.*{place[-1]}"):
+        TrainConfig.load(path)
+
+
+# Commands
+
+TRAIN: list[list[Any]] = [
+    ["--optim.learning-rate", "nan"],
+    ["--optim.weight-decay", -1],
+    ["--optim.clip-norm", 0],
+    ["--optim.clip-norm", -1],
+    ["--optim.warmup-steps", -1],
+    ["--optim.depth-weight", -1],
+    ["--data.drop-cameras", -1],
+    ["--data.drop-cameras", 6],
+    ["--data.cameras", "CAM_FRONT", "CAM_FRONT"],
+    ["--data.cameras"],
+    ["--data.extrinsic-noise-m", -1],
+    ["--data.image.height-px", 33],
+    ["--data.image.resize", 0, 0],
+    ["--data.image.resize", 1.2, 0.9],
+    ["--data.image.crop-bottom", 22, 22],
+    ["--data.image.rotate-rad", "nan"],
+    ["--model.z-min-m", 5, "--model.z-max-m", -5],
+    ["--model.decoder-channels", 1],
+    ["--model.head-init-std", -1],
+    ["--model.depth.step-m", 100],
+    ["--model.grid.x-max-m", "inf"],
+    ["--val-split", "train"],
+    ["--val-samples", -1],
+    ["--num-workers", -1],
+    ["--num-nodes", 0],
+    ["--seed", -1],
+    ["--seed", 2**64],
+]
+
+
+def named(flag: str) -> str:
+    return flag.split(".")[-1].strip("-").replace("-", "_")
+
+
+@pytest.mark.parametrize("flags", TRAIN)
+def test_training_is_not_begun(flags: list[Any], tiny_run: TinyRun, tmp_path: Path) -> None:
+    steps = train_flags(tiny_run.root, tiny_run.templates, tmp_path / "run", 4, 2)
+    assert named(flags[0]) in complaint(command("shoot-train", *steps, *flags))
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("stride", [0, 7, 4, 32])
+def test_a_stride_that_is_none(stride: int, tiny_run: TinyRun, tmp_path: Path) -> None:
+    steps = train_flags(tiny_run.root, tiny_run.templates, tmp_path / "run", 4, 2)
+    said = command("shoot-train", *steps, "--model.image-stride", stride)
+    assert (said.status, "Traceback" in said.err) == (2, False)
+    assert "--model.image-stride" in said.err
+
+
+@pytest.mark.parametrize(
+    ("name", "flags"),
+    [
+        ("shoot-fit-templates", ["--out", "t.npz", "--data.root", "x", "--seed", -1]),
+        ("shoot-fit-templates", ["--out", "t.npz", "--data.root", "x", "--k", 0]),
+        ("shoot-fit-templates", ["--data.root", "x", "--out", "t.npz", "--dask", ""]),
+        ("shoot-fit-templates", ["--out", "t.npz", "--data.root", ""]),
+        ("shoot-render", ["run", "--out", "pictures", "--num", 0]),
+        ("shoot-render", ["run", "--out", "pictures", "--token", ""]),
+        ("shoot-evaluate", ["run", "--split", ""]),
+        ("shoot-evaluate", ["run", "--data.root", ""]),
+        ("shoot-make-world", ["world", "--duration-s", "nan"]),
+        ("shoot-make-world", ["world", "--workers", 0]),
+    ],
+)
+def test_other_commands_do_not_begin(name: str, flags: list[Any]) -> None:
+    assert named(flags[-2]) in complaint(command(name, *flags))
+
+
+def test_help_and_misspelt_flags_are_said_once() -> None:
+    said = command("shoot-fit-templates", "--help")
+    assert (said.status, said.err) == (0, "")
+    assert said.out.count("--coverage-split") == 1
+    said = command("shoot-fit-templates", "--data.root", "x", "--out", "y.npz", "--k", "many")
+    assert said.status == 2
+    assert said.err.count("many") == 1
+
+
+# Where templates and grid meet
+
+FAR = ["--model.grid.x-min-m", 1000, "--model.grid.x-max-m", 1080]
+
+
+def test_a_grid_without_a_waypoint(tiny_run: TinyRun, tmp_path: Path) -> None:
+    steps = train_flags(tiny_run.root, tiny_run.templates, tmp_path / "run", 4, 2)
+    assert "No waypoint of the templates" in complaint(command("shoot-train", *steps, *FAR))
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_grid_with_few_waypoints_is_said(caplog: pytest.LogCaptureFixture) -> None:
+    ahead_m = np.arange(1.0, 21.0, dtype=np.float32)
+    points = np.stack([ahead_m, np.zeros_like(ahead_m)], axis=-1)[None]
+    templates = TemplateSet(points, 0.25, np.ones(1, dtype=np.int64))
+    # Points at 1 m ... 20 m; the upper border is out.
+    for x_max_m, said in ((6.0, "25 %"), (10.0, "45 %"), (11.0, None), (40.0, None)):
+        caplog.clear()
+        check_grid(templates, BevGrid(0.0, x_max_m, -2.0, 2.0, 1.0))
+        assert [said in text for text in caplog.messages] == ([True] if said else [])
+    with pytest.raises(DataError, match=r"x = 1\.0 to 20\.0 m"):
+        check_grid(templates, BevGrid(-8.0, 1.0, -2.0, 2.0, 1.0))
+
+
+def test_a_batch_that_batch_norm_cannot_do(tiny_run: TinyRun, tmp_path: Path) -> None:
+    steps = train_flags(tiny_run.root, tiny_run.templates, tmp_path / "run", 2, 1)
+    one_cell = ["--model.grid.x-min-m", 0, "--model.grid.x-max-m", 16]
+    one_cell += ["--model.grid.y-min-m", -8, "--model.grid.y-max-m", 8, "--model.grid.cell-m", 16]
+    said = command("shoot-train", *steps, *one_cell, "--optim.batch-size", 1)
+    assert "batch norm" in complaint(said)
+
+
+def test_too_little_memory_is_said(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["shoot-something"])
+    for much in (lambda _: torch.empty(2**58), lambda _: np.empty(2**58)):
+        with pytest.raises(SystemExit) as ended:
+            app.run(dict, much, "Wants much.")
+        assert ended.value.code == 2
+        assert "memory is too small" in complaint(Said(2, "", capsys.readouterr().err))
