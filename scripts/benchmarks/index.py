@@ -5,12 +5,17 @@ the folder that SHOOT_CACHE names.
 """
 
 import os
+import time
 from pathlib import Path
+from typing import Any
+from unittest.mock import patch
 
 import msgspec
 
 from benchmarks.big_tables import NUM_SCENES, VERSION, write_big_tables
 from lss_core.config import CAMERAS
+from lss_core.data import samples
+from lss_core.data.sample_problems import SampleProblems, find_problems
 from lss_core.data.samples import SampleIndex, load_index, rows_of_split
 from lss_core.data.tables import TABLES, read_pieces
 from shoot.trajectories import mine_futures
@@ -53,6 +58,23 @@ def build_index(root: Path, cache: Path) -> int:
     """
     cache.mkdir(parents=True)
     return len(_index(root, cache).sample_token)
+
+
+def share_of_checks(root: Path, cache: Path) -> float:
+    """Time spent on what poses and calibration cannot be, as a share of the rest of a build."""
+    spent_s = 0.0
+
+    def timed(*given: Any) -> SampleProblems:
+        nonlocal spent_s
+        started = time.perf_counter()
+        found = find_problems(*given)
+        spent_s += time.perf_counter() - started
+        return found
+
+    with patch.object(samples, "find_problems", timed):
+        started = time.perf_counter()
+        build_index(root, cache)
+        return spent_s / (time.perf_counter() - started - spent_s)
 
 
 def start(root: Path, cache: Path) -> int:

@@ -299,6 +299,8 @@ def index_rows(setting: Setting) -> Iterator[Row]:
         builds.append(measured(partial(index.build_index, root, cache)))
         starts.append(measured(partial(index.start, root, cache)))
     mine_s, _ = measured(partial(index.mine, root, cache))
+    shares = [index.share_of_checks(root, cache / f"checked-{number}") for number in range(3)]
+    checks = float(np.median(shares))
     build_s = Spread.of([seconds for seconds, _ in builds])
     start_s = Spread.of([seconds for seconds, _ in starts])
     yield Row(
@@ -308,6 +310,13 @@ def index_rows(setting: Setting) -> Iterator[Row]:
         _against(devkit_s, devkit_mb, build_s, builds[-1][1]),
         1.0,
         read_s,
+        (
+            Check(
+                f"checks of poses and calibration take {100.0 * checks:.1f} % of the rest of the "
+                "build (at most 10)",
+                checks <= 0.1,
+            ),
+        ),
     )
     one, eight = (_workers_mb(root, cache, num) for num in (1, 8))
     with_images_s = start_s.high
