@@ -17,6 +17,9 @@ from world_fixture import TinyRun, start_beside, start_command, train_flags
 from shoot.cli.evaluate import EvaluateConfig, evaluate
 
 FLAT = "no growth in memory, open files or processes"
+# What loader processes hand over are files until it has arrived, some 20 at a time. One that is
+# left open at each step would be 80 between the times that are compared.
+FILES_ON_THE_WAY = 20
 # What an allocator keeps back differs from time to time; a tenth of a kB a step would be 10 MB.
 NOISE_MB = 12.0
 
@@ -63,7 +66,7 @@ def watch(process: BaseProcess, begun: Path, every_s: float) -> list[Load]:
     return loads
 
 
-def check_flat(loads: list[Load], figures: dict[str, str]) -> None:
+def check_flat(loads: list[Load], figures: dict[str, str], files_on_the_way: int = 0) -> None:
     """Compare the last quarter with the second: the first is still filling caches."""
     quarter = len(loads) // 4
     assert quarter >= 3
@@ -79,7 +82,7 @@ def check_flat(loads: list[Load], figures: dict[str, str]) -> None:
     ):
         figures[name] = f"{before:.0f} to {after:.0f}{unit}"
     assert memory_mb[1] - memory_mb[0] < NOISE_MB
-    assert files[1] <= files[0]
+    assert files[1] - files[0] <= files_on_the_way
     assert processes[1] <= processes[0]
 
 
@@ -97,7 +100,8 @@ def test_training(steps: int, every: int, tiny_run: TinyRun, tmp_path: Path) -> 
         finally:
             process.kill()
         usual = mode(load.processes for load in loads)
-        check_flat([load for load in loads if load.processes == usual], figures)
+        steady = [load for load in loads if load.processes == usual]
+        check_flat(steady, figures, FILES_ON_THE_WAY)
 
 
 def evaluate_often(run: str, times: int, out: str) -> None:
