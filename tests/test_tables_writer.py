@@ -256,9 +256,10 @@ def test_poses_that_cannot_be(case: str, tmp_path: Path) -> None:
 
 
 CAMERAS_THAT_CANNOT_BE: dict[str, tuple[Any, Any, Any, str]] = {
-    "of double size": (np.array(INTRINSICS) * [[2.0], [2.0], [1.0]], AHEAD, None, "fit"),
-    "of half size": (np.array(INTRINSICS) * [[0.5], [0.5], [1.0]], AHEAD, None, "fit"),
-    "sides swapped": (INTRINSICS, AHEAD, (WIDTH, HEIGHT // 2), "fit"),
+    "of double size": (np.array(INTRINSICS) * [[2.0], [2.0], [1.0]], AHEAD, None, "as large"),
+    "of half size": (np.array(INTRINSICS) * [[0.5], [0.5], [1.0]], AHEAD, None, "as large"),
+    "inverted": (INTRINSICS, np.linalg.inv(AHEAD), None, "mounting looks inverted"),
+    "sides swapped": (INTRINSICS, AHEAD, (WIDTH, HEIGHT // 2), "principal point"),
     "transposed": (np.transpose(INTRINSICS), AHEAD, None, "camera_intrinsic"),
     "projection": (np.eye(4), AHEAD, None, "shape"),
     "focal length in mm": (

@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from lss_core.data.calibration_checks import camera_flaws
 from lss_core.data.problems import intrinsics_flaw, is_time, step_flaws, transform_flaws
 from lss_core.errors import DataError
 from lss_core.geometry import FloatArray, quaternion_of
@@ -20,10 +21,6 @@ Numbers: TypeAlias = NDArray[Any] | Sequence[Any]
 
 # Of a rotation's columns: matrices in text files have six digits.
 _RIGID_TOLERANCE = 1e-3
-# Where the principal point may lie, as a share of an image's sides: in one direction after a crop,
-# and in both.
-_WITHIN, _WITHIN_BOTH = (0.1, 0.9), (0.3, 0.7)
-_VIEW_DEG = (5.0, 170.0)
 
 
 def to_array(values: Numbers, shape: Sequence[int | None], what: str) -> FloatArray:
@@ -110,35 +107,25 @@ def check_poses(times_us: NDArray[np.int64], global_from_ego: FloatArray, what: 
         raise DataError(f"{problem.what}; are times in seconds and places in metres?")
 
 
-def check_intrinsics(
-    rawpixel_from_camera: FloatArray, image_hw: tuple[int, int], what: str
+def check_camera(
+    rawpixel_from_camera: FloatArray,
+    ego_from_camera: FloatArray,
+    image_hw: tuple[int, int],
+    what: str,
 ) -> None:
-    """Refuse intrinsics [3, 3] that are no pinhole's, or not those of an image of this size.
+    """Refuse intrinsics [3, 3] and a mounting [4, 4] that an index of the tables would refuse.
 
     Raises:
-        DataError: If they are not.
+        DataError: If they are no pinhole's, or fit neither image nor car.
     """
     flaw = intrinsics_flaw(rawpixel_from_camera.tolist())
     if flaw:
         raise DataError(f"{what} has {flaw}.")
-    sides = np.asarray(image_hw[::-1])
-    size = f"an image of {sides[0]}x{sides[1]} px"
-    share = (rawpixel_from_camera[:2, 2] + 0.5) / sides
-    low, high = _WITHIN_BOTH
-    if not ((share > _WITHIN[0]) & (share < _WITHIN[1])).all() or (
-        (share < low).all() or (share > high).all()
+    for one in camera_flaws(
+        rawpixel_from_camera[None], ego_from_camera[None], np.asarray([image_hw]), [None]
     ):
-        centre = rawpixel_from_camera[:2, 2].tolist()
-        raise DataError(
-            f"{what} has its principal point at {centre} px, which does not fit {size}; are the "
-            "intrinsics those of another size?"
-        )
-    view_deg = 2.0 * np.degrees(np.arctan(sides / 2.0 / rawpixel_from_camera[[0, 1], [0, 1]]))
-    if not _VIEW_DEG[0] < view_deg.max() < _VIEW_DEG[1]:
-        raise DataError(
-            f"{what} would see {view_deg.max():.3g} degrees with {size}; is the focal length in "
-            "pixels?"
-        )
+        if one.is_sure:
+            raise DataError(f"{what} has {one.text}.")
 
 
 def check_size(image_hw: Sequence[int], what: str) -> tuple[int, int]:

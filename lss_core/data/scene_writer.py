@@ -11,7 +11,7 @@ from lss_core.data.file_names import is_plain
 from lss_core.data.placed_files import place_bytes, place_file
 from lss_core.data.recording_checks import (
     Numbers,
-    check_intrinsics,
+    check_camera,
     check_poses,
     check_size,
     check_transforms,
@@ -76,8 +76,9 @@ class SceneWriter:
             raise DataError(f"{what} must have another name, which is not that of a camera.")
         matrix = to_array(rawpixel_from_camera, (3, 3), f"{what}: rawpixel_from_camera")
         size = check_size(image_hw, what)
-        check_intrinsics(matrix, size, what)
-        self._mount(channel, Mounting(self._pose(ego_from_camera, what), matrix, size), what)
+        pose = self._pose(ego_from_camera, what)
+        check_camera(matrix, pose, size, what)
+        self._mount(channel, Mounting(pose, matrix, size), what)
 
     def add_lidar(self, ego_from_lidar: Numbers) -> None:
         """Mount a lidar [4, 4]; poses of its sweeps are then the scene's path: add all of them."""
