@@ -11,7 +11,7 @@ from lss_core.data.usable import usable_scenes
 from lss_core.errors import DataError
 from lss_core.geometry import FloatArray
 from shoot.footprint import turn
-from shoot.parallel import run_jobs
+from shoot.jobs.parallel import run_jobs
 
 HORIZON_S = 5.0
 DT_S = 0.25

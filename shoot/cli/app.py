@@ -18,7 +18,7 @@ from rich.logging import RichHandler
 
 from lss_core.bounds import SettingError
 from lss_core.errors import DataError
-from shoot.lost_processes import lost_process
+from shoot.jobs.lost_processes import lost_process
 
 Config = TypeVar("Config")
 

@@ -23,7 +23,7 @@ from lss_core.data.table_rows import TABLE_NAMES, Row
 from lss_core.errors import DataError
 from lss_core.files import clear_leftovers, name_errors, sole_writer, write_atomically
 from lss_core.progress import progress
-from shoot.parallel import run_jobs
+from shoot.jobs.parallel import run_jobs
 from shoot.world.capture import LIDAR, SceneOrder, capture_scene, texel_m
 from shoot.world.maps import canvas_of, merge_layers, town_layers, town_mask, write_mask
 from shoot.world.paint import paint_unlit

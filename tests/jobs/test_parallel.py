@@ -19,8 +19,8 @@ from world_fixture import TinyRun, command
 from lss_core.config import CAMERAS
 from lss_core.data.samples import load_index
 from lss_core.errors import DataError
-from shoot import parallel
-from shoot.parallel import run_jobs
+from shoot.jobs import parallel
+from shoot.jobs.parallel import run_jobs
 from shoot.templates import TemplateSet
 from shoot.trajectories import mine_futures
 from shoot.world.writer import MakeWorldConfig, make_world
@@ -28,7 +28,7 @@ from shoot.world.writer import MakeWorldConfig, make_world
 SLEEPERS = """
 import os, sys, time
 from pathlib import Path
-from shoot.parallel import run_jobs
+from shoot.jobs.parallel import run_jobs
 
 def sleep(path):
     Path(path).with_suffix(".part").write_text(str(os.getpid()))
