@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lss_core.geometry import FloatArray
-from shoot.strict_json import save_json, without_nan
+from lss_core.strict_json import save_json, without_nan
 
 Level = Literal["error", "warning", "note"]
 
