@@ -28,7 +28,7 @@ from shoot.datamodule import LabelledSplit, load_split
 from shoot.driving_checks import DrivingChecks
 from shoot.evaluation import MODEL, Report, condition_of, evaluate
 from shoot.known_speed import tell_speed
-from shoot.metrics import negative_log_likelihood, rank_labels
+from shoot.metrics.ranks import negative_log_likelihood, rank_labels
 from shoot.planner import Planner
 from shoot.prediction import TrainedRun, predict
 from shoot.run_scenes import FITTED_ON, TRAINED_ON, RunScenes, check_unseen

@@ -12,16 +12,16 @@ import numpy as np
 from jaxtyping import Float, Int, Shaped
 
 from lss_core.files import write_atomically
-from shoot.bootstrap import GroupBootstrap, Groups, Interval
-from shoot.calibration import (
+from shoot.check_basis import CheckBasis
+from shoot.metrics.bootstrap import GroupBootstrap, Groups, Interval
+from shoot.metrics.calibration import (
     Reliability,
     calibration_error,
     calibration_terms,
     measure_reliability,
 )
-from shoot.check_basis import CheckBasis
-from shoot.manoeuvres import MANOEUVRES, classify_manoeuvres
-from shoot.metrics import PerSample
+from shoot.metrics.manoeuvres import MANOEUVRES, classify_manoeuvres
+from shoot.metrics.ranks import PerSample
 from shoot.scoring import PathChecks, Scorer, Scores, select_samples
 
 Array = np.ndarray[Any, np.dtype[Any]]

@@ -8,8 +8,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from shoot.bootstrap import Interval, name_groups
 from shoot.evaluation import MODEL, Report, Results
+from shoot.metrics.bootstrap import Interval, name_groups
 
 # More columns than these do not fit beside each other.
 _PART_METHODS = 4

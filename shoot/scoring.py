@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from shoot.calibration import brier_score
-from shoot.comfort import measure_comfort
-from shoot.displacement import expected_ade, open_loop_l2, template_ade
-from shoot.metrics import (
+from shoot.metrics.calibration import brier_score
+from shoot.metrics.comfort import measure_comfort
+from shoot.metrics.displacement import expected_ade, open_loop_l2, template_ade
+from shoot.metrics.ranks import (
     TOP_KS,
     PerSample,
     min_ade,

@@ -42,7 +42,7 @@ from shoot.loop_callbacks import (
     TrainingTime,
     TrueStep,
 )
-from shoot.metrics import PlanningMetrics
+from shoot.metrics.ranks import PlanningMetrics
 from shoot.metrics_file import MetricsFile
 from shoot.planner import Planner, share_on_grid
 from shoot.precision import agreed_precision, fastest_precision

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from shoot.bootstrap import Interval
-from shoot.calibration import Reliability
 from shoot.evaluation import Report, Results
 from shoot.html_report import PageDetails, SampleCard, render_page
 from shoot.html_report.columns import GROUPS, MAIN
+from shoot.metrics.bootstrap import Interval
+from shoot.metrics.calibration import Reliability
 
 KEYS = tuple(column.key for columns in (MAIN, *(g.columns for g in GROUPS)) for column in columns)
 METHODS = ("model", "prior", "constant_velocity")

@@ -16,7 +16,7 @@ from shoot.depth_study import (
     study_depth,
     tell_depth,
 )
-from shoot.metrics import negative_log_likelihood
+from shoot.metrics.ranks import negative_log_likelihood
 from shoot.prediction import open_run, predict
 
 DEPTHS_M = (4.0, 6.0, 8.0, 10.0)

@@ -17,11 +17,11 @@ from lss_core.depth_targets import depth_bins
 from lss_core.errors import DataError
 from lss_core.grid import BevGrid
 from lss_core.model import CameraModel, LidarModel
-from shoot.calibration import brier_score
-from shoot.comfort import measure_comfort
-from shoot.displacement import open_loop_l2
-from shoot.manoeuvres import classify_manoeuvres
-from shoot.metrics import (
+from shoot.metrics.calibration import brier_score
+from shoot.metrics.comfort import measure_comfort
+from shoot.metrics.displacement import open_loop_l2
+from shoot.metrics.manoeuvres import classify_manoeuvres
+from shoot.metrics.ranks import (
     LabelRanks,
     PlanningMetrics,
     TemplateErrors,

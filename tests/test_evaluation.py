@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.special import log_softmax
 
-from shoot.bootstrap import interval, paired_interval
-from shoot.calibration import measure_reliability
-from shoot.comfort import measure_comfort
 from shoot.evaluation import condition_of, evaluate
 from shoot.html_report import PageDetails, render_page
-from shoot.metrics import TOP_KS, negative_log_likelihood, rank_labels
+from shoot.metrics.bootstrap import interval, paired_interval
+from shoot.metrics.calibration import measure_reliability
+from shoot.metrics.comfort import measure_comfort
+from shoot.metrics.ranks import TOP_KS, negative_log_likelihood, rank_labels
 from shoot.report_table import format_table
 
 COMFORT = ["lon_accel_mps2", "lat_accel_mps2", "jerk_mps3", "comfort"]

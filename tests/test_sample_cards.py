@@ -10,8 +10,8 @@ from PIL import Image
 from world_fixture import NUM_TEMPLATES, TinyRun, command
 
 from shoot.datamodule import load_split
-from shoot.manoeuvres import classify_manoeuvres
-from shoot.metrics import rank_labels
+from shoot.metrics.manoeuvres import classify_manoeuvres
+from shoot.metrics.ranks import rank_labels
 from shoot.prediction import open_run, predict
 from shoot.sample_cards import make_cards
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from planning_table.records import Record
-from shoot.bootstrap import interval
+from shoot.metrics.bootstrap import interval
 
 # What records have scene by scene, so that differences of it can be paired.
 PAIRED = {"top10": "top-10, points", "nll": "NLL, nats"}

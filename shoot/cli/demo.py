@@ -17,8 +17,8 @@ from shoot.comparison import compare, score, sum_up
 from shoot.config import DEMO
 from shoot.datamodule import LabelledSplit, load_split
 from shoot.evaluation import Report, condition_of
-from shoot.manoeuvres import classify_manoeuvres
-from shoot.metrics import negative_log_likelihood
+from shoot.metrics.manoeuvres import classify_manoeuvres
+from shoot.metrics.ranks import negative_log_likelihood
 from shoot.prediction import TrainedRun, open_run, predict
 from shoot.rendering import render_sample, save_figure
 from shoot.report_table import format_table

@@ -12,7 +12,7 @@ from lss_core.data.splits import has_own_splits, scenes_of_split, split_names
 from lss_core.geometry import FloatArray, direction_of, wrap_angle
 from shoot.data_report.facts import DriveFacts, FutureFacts, MotionFacts, SplitFacts, Spread
 from shoot.footprint import turn
-from shoot.manoeuvres import MANOEUVRES, classify_manoeuvres
+from shoot.metrics.manoeuvres import MANOEUVRES, classify_manoeuvres
 from shoot.trajectories import mine_futures
 
 _STEP_S = 0.5

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
-from shoot.metrics import TOP_KS
+from shoot.metrics.ranks import TOP_KS
 
 SECONDS: Final = (1, 2, 3, 5)
 L2_SECONDS: Final = (1, 2, 3)

@@ -4,7 +4,6 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from shoot.bootstrap import Interval
 from shoot.evaluation import MODEL, Results
 from shoot.html_report.columns import NLL, TOP_10
 from shoot.html_report.markup import Html, element, join
@@ -19,6 +18,7 @@ from shoot.html_report.plots import (
 )
 from shoot.html_report.svg import inline_svg
 from shoot.html_report.words import spaced
+from shoot.metrics.bootstrap import Interval
 
 # More than these cannot be told apart in one plot.
 MOST_PLOTTED = 6

@@ -3,9 +3,9 @@
 from collections.abc import Iterable
 from typing import Final
 
-from shoot.bootstrap import NUM_DRAWS, Groups, name_groups
 from shoot.html_report.markup import Html, element, join
 from shoot.html_report.words import spaced
+from shoot.metrics.bootstrap import NUM_DRAWS, Groups, name_groups
 
 # Methods with other names are listed without a word.
 METHOD_NOTES: Final = {

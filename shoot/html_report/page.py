@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Final
 
 from lss_core.files import write_atomically
-from shoot.bootstrap import Interval
 from shoot.evaluation import MODEL, Report, Results
 from shoot.html_report.cards import SampleCard, card_sections
 from shoot.html_report.columns import (
@@ -27,6 +26,7 @@ from shoot.html_report.markup import Html, element, join
 from shoot.html_report.style import STYLE
 from shoot.html_report.tables import difference_table, method_table, part_table
 from shoot.html_report.words import spaced, verdict
+from shoot.metrics.bootstrap import Interval
 
 # The browser may fetch nothing, run nothing and send nothing, whatever stands in the page.
 POLICY: Final = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"

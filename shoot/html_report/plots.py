@@ -12,12 +12,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lss_core.legible import legible
-from shoot.bootstrap import Interval
-from shoot.calibration import Reliability
 from shoot.evaluation import MODEL, Results
 from shoot.html_report.columns import Column
 from shoot.html_report.words import has_bounds
-from shoot.metrics import TOP_KS
+from shoot.metrics.bootstrap import Interval
+from shoot.metrics.calibration import Reliability
+from shoot.metrics.ranks import TOP_KS
 from shoot.rendering import palette
 
 WIDTH_IN: Final = 4.4

@@ -2,9 +2,9 @@
 
 import math
 
-from shoot.bootstrap import Interval
 from shoot.evaluation import MODEL
 from shoot.html_report.columns import Column
+from shoot.metrics.bootstrap import Interval
 
 DASH = "–"
 _MINUS = "−"

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Shaped
 
 from lss_core.strict_json import save_json
-from shoot.bootstrap import NUM_DRAWS, SEED, Interval, interval
+from shoot.metrics.bootstrap import NUM_DRAWS, SEED, Interval, interval
 from shoot.turn_leak.answers import Answers, Array, Question, approach_weights
 
 DISTANCE_BIN_M, REACH_M = 7.5, 45.0

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from shoot.displacement import expected_ade, open_loop_l2, template_ade
+from shoot.metrics.displacement import expected_ade, open_loop_l2, template_ade
 
 TIME_S = 0.25 * np.arange(1, 21)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from shoot.metrics import (
+from shoot.metrics.ranks import (
     TOP_KS,
     PlanningMetrics,
     min_ade,

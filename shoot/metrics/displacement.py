@@ -1,6 +1,6 @@
 """How far from the driven path: over all templates as expected, and of the chosen one by the clock.
 
-The distances of the best few templates (minADE and the like) are in `shoot.metrics`.
+The distances of the best few templates (minADE and the like) are in `shoot.metrics.ranks`.
 """
 
 from typing import Any

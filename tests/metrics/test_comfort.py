@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from shoot.comfort import measure_comfort
+from shoot.metrics.comfort import measure_comfort
 
 TIME_S = 0.25 * np.arange(1, 21)
 NAMES = ("lon_accel_mps2", "lat_accel_mps2", "jerk_mps3", "comfort")

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from shoot.bootstrap import GroupBootstrap, Interval, interval, paired_interval
+from shoot.metrics.bootstrap import GroupBootstrap, Interval, interval, paired_interval
 
 
 def _scenes(generator, num_scenes, scene_std):

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from shoot.manoeuvres import classify_manoeuvres, heading_changes
+from shoot.metrics.manoeuvres import classify_manoeuvres, heading_changes
 
 TIME_S = 0.25 * np.arange(1, 21)
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from shoot.bootstrap import GroupBootstrap
-from shoot.calibration import (
+from shoot.metrics.bootstrap import GroupBootstrap
+from shoot.metrics.calibration import (
     brier_score,
     calibration_error,
     calibration_terms,
