@@ -11,9 +11,9 @@ import tyro
 
 from lss_core.bounds import Count, check_settings
 from shoot.cli.app import run
-from shoot.datamodule import load_split
 from shoot.depth_study import DepthStudy, format_depth_study, study_depth
 from shoot.prediction import open_run
+from shoot.training.data import load_split
 
 
 @dataclass(frozen=True)

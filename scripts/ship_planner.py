@@ -15,7 +15,7 @@ from typing import Annotated, Any
 import tyro
 
 from lss_core.files import write_atomically
-from shoot.run_folder import RunFolder
+from shoot.training.run_folder import RunFolder
 
 _FILES = (
     "weights.safetensors", "templates.npz", "templates.json", "training_motion.npz",

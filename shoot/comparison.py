@@ -24,16 +24,16 @@ from shoot.baselines import (
     kept_past_motion,
     standing_still_log_prob,
 )
-from shoot.datamodule import LabelledSplit, load_split
 from shoot.driving_checks import DrivingChecks
 from shoot.evaluation import MODEL, Report, condition_of, evaluate
 from shoot.known_speed import tell_speed
 from shoot.metrics.ranks import negative_log_likelihood, rank_labels
 from shoot.planner import Planner
 from shoot.prediction import TrainedRun, predict
-from shoot.run_scenes import FITTED_ON, TRAINED_ON, RunScenes, check_unseen
 from shoot.templates import TemplateSet
-from shoot.training_motion import TrainingMotion
+from shoot.training.data import LabelledSplit, load_split
+from shoot.training.motion import TrainingMotion
+from shoot.training.run_scenes import FITTED_ON, TRAINED_ON, RunScenes, check_unseen
 from shoot.trajectories import Futures
 
 Array = np.ndarray[Any, np.dtype[Any]]

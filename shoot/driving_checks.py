@@ -37,8 +37,8 @@ from lss_core.geometry import yaw_of
 from lss_core.legible import legible
 from shoot.box_moments import BoxMoments, find_moments, touched
 from shoot.check_basis import CheckBasis
-from shoot.datamodule import LabelledSplit
 from shoot.footprint import footprint_corners, headings, turn
+from shoot.training.data import LabelledSplit
 from shoot.trajectories import DT_S
 
 Array = np.ndarray[Any, np.dtype[Any]]

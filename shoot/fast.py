@@ -14,8 +14,8 @@ from lss_core.model import CameraModel
 from lss_core.splat import pool
 from shoot.compiler_cache import frozen_weights
 from shoot.cuda_graph import CannotRecordError, CudaGraphs
-from shoot.precision import fastest_precision
-from shoot.training import PlanningModule
+from shoot.training.loop import PlanningModule
+from shoot.training.precision import fastest_precision
 
 logger = logging.getLogger(__name__)
 

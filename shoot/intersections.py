@@ -14,7 +14,7 @@ from joblib import Parallel, delayed
 from lss_core.data.splits import official_scenes
 from lss_core.errors import DataError
 from lss_core.geometry import FloatArray
-from shoot.datamodule import LabelledSplit
+from shoot.training.data import LabelledSplit
 from shoot.turn_leak.answers import Question
 from shoot.world.approaches import find_approaches, way_ahead
 from shoot.world.capture import LIDAR_PERIOD_S

@@ -11,13 +11,13 @@ from torch.utils.data import DataLoader
 
 from lss_core.errors import DataError
 from lss_core.progress import progress
-from shoot.config import TrainConfig
-from shoot.datamodule import LabelledSplit, PlanBatch, PlanningDataset, collate_plans
-from shoot.device import choose_device
 from shoot.fast import FastPlanner
-from shoot.run_folder import RunFolder
 from shoot.templates import TemplateSet
-from shoot.training import PlanningModule, check_templates
+from shoot.training.config import TrainConfig
+from shoot.training.data import LabelledSplit, PlanBatch, PlanningDataset, collate_plans
+from shoot.training.device import choose_device
+from shoot.training.loop import PlanningModule, check_templates
+from shoot.training.run_folder import RunFolder
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,9 @@ from lss_core.data.lidar import load_sweep
 from lss_core.data.samples import SampleIndex
 from lss_core.geometry import FloatArray
 from lss_core.legible import legible
-from shoot.datamodule import LabelledSplit
 from shoot.prediction import TrainedRun, batches
 from shoot.rendering import SampleView
+from shoot.training.data import LabelledSplit
 
 _SHOWN_WIDTH_PX = 800
 # Letters of a title: a long one leaves no room for the picture.

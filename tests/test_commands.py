@@ -21,10 +21,10 @@ from world_fixture import (
 
 from shoot.baselines import kept_past_motion
 from shoot.cli import demo
-from shoot.config import TrainConfig
 from shoot.prediction import open_run
 from shoot.templates import TemplateSet
-from shoot.training_motion import TrainingMotion
+from shoot.training.config import TrainConfig
+from shoot.training.motion import TrainingMotion
 
 NUM_VAL = NUM_VAL_SCENES * SAMPLES_A_SCENE
 

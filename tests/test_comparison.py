@@ -6,10 +6,10 @@ from world_fixture import NUM_TEMPLATES, TinyRun
 
 from shoot.baselines import fit_past_motion
 from shoot.comparison import Scored, baseline_log_probs, score, sum_up
-from shoot.datamodule import LabelledSplit
 from shoot.known_speed import tell_speed
 from shoot.prediction import TrainedRun, open_run, predict
-from shoot.training_motion import TrainingMotion
+from shoot.training.data import LabelledSplit
+from shoot.training.motion import TrainingMotion
 
 SAME_FOR_ALL = ("prior", "standing_still", "blind")
 

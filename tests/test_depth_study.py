@@ -9,7 +9,6 @@ import torch
 from world_fixture import TinyRun
 
 from lss_core.errors import DataError
-from shoot.datamodule import load_split
 from shoot.depth_study import (
     DEPTHS,
     format_depth_study,
@@ -18,6 +17,7 @@ from shoot.depth_study import (
 )
 from shoot.metrics.ranks import negative_log_likelihood
 from shoot.prediction import open_run, predict
+from shoot.training.data import load_split
 
 DEPTHS_M = (4.0, 6.0, 8.0, 10.0)
 

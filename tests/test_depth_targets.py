@@ -17,7 +17,7 @@ from lss_core.config import CAMERAS, DataConfig, ImageConfig
 from lss_core.data.dataset import CameraDataset
 from lss_core.data.samples import load_index
 from lss_core.depth_targets import batch_depth_bins, depth_bins, depth_loss, nearest_depths
-from shoot.metrics_file import read_metrics
+from shoot.training.metrics_file import read_metrics
 
 DEPTHS_M = (4.0, 6.0, 8.0, 10.0)
 # A camera at 1.5 m that looks along x; 16 x 32 px in cells of 8.

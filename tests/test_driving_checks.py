@@ -25,7 +25,6 @@ from driving_world import (
 from tiny_tables import TRAIN_A, VAL
 
 from lss_core.data.samples import SampleIndex
-from shoot.datamodule import LabelledSplit
 from shoot.driving_checks import CHECK_HORIZONS_S, DrivingChecks
 from shoot.footprint import (
     EGO_LENGTH_M,
@@ -33,6 +32,7 @@ from shoot.footprint import (
     EGO_WIDTH_M,
     rectangles_overlap,
 )
+from shoot.training.data import LabelledSplit
 
 
 def _checks(root: Path, things: list[Thing], **more: Any) -> tuple[DrivingChecks, LabelledSplit]:

@@ -17,9 +17,9 @@ from world_fixture import TinyRun, command
 from lss_core.batch import Batch
 from shoot import fast
 from shoot.compiler_cache import frozen_weights, processor_tag
-from shoot.datamodule import load_split
 from shoot.fast import FastPlanner
 from shoot.prediction import TrainedRun, batches, open_run
+from shoot.training.data import load_split
 
 
 @pytest.fixture

@@ -18,9 +18,9 @@ from lss_core.data.usable import Needs, usable_rows
 from lss_core.errors import DataError
 from lss_core.geometry import apply, invert
 from shoot import fast
-from shoot.datamodule import load_split
 from shoot.fast import FastPlanner
 from shoot.prediction import batches, open_run, predict
+from shoot.training.data import load_split
 
 NUM_SCANS = 10
 # What stands around the first scene's car, in `global`, metres up to 30 m from it.

@@ -12,7 +12,7 @@ from world_fixture import TinyRun, command, train_flags
 
 from lss_core import progress as module
 from lss_core.progress import progress
-from shoot import loop_callbacks
+from shoot.training import callbacks as loop_callbacks
 
 
 def test_a_log_gets_lines_with_what_was_done_before(

@@ -9,11 +9,11 @@ from html_fixture import read_page
 from PIL import Image
 from world_fixture import NUM_TEMPLATES, TinyRun, command
 
-from shoot.datamodule import load_split
 from shoot.metrics.manoeuvres import classify_manoeuvres
 from shoot.metrics.ranks import rank_labels
 from shoot.prediction import open_run, predict
 from shoot.sample_cards import make_cards
+from shoot.training.data import load_split
 
 
 def test_cards_hold_what_the_planner_says_of_their_samples(tiny_run: TinyRun) -> None:

@@ -28,9 +28,9 @@ from shoot.cli.demo import DemoConfig
 from shoot.cli.evaluate import EvaluateConfig
 from shoot.cli.fit_templates import DataSource, FitTemplatesConfig
 from shoot.cli.render import RenderConfig
-from shoot.config import DEMO, PAPER, PRESETS, OptimConfig, TrainConfig
 from shoot.templates import TemplateSet
-from shoot.training import check_grid
+from shoot.training.config import DEMO, PAPER, PRESETS, OptimConfig, TrainConfig
+from shoot.training.loop import check_grid
 from shoot.world.writer import MakeWorldConfig
 
 NAN, INF = math.nan, math.inf

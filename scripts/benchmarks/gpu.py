@@ -26,12 +26,12 @@ from lss_core.batch import Batch
 from lss_core.camera import frustum_points
 from lss_core.splat import build_splat_index, pool
 from lss_core.splat_reference import lift_splat_cumsum
-from shoot.config import TrainConfig
-from shoot.datamodule import PlanBatch
 from shoot.fast import FastPlanner
-from shoot.run_folder import RunFolder
 from shoot.templates import TemplateSet
-from shoot.training import PlanningModule, make_trainer
+from shoot.training.config import TrainConfig
+from shoot.training.data import PlanBatch
+from shoot.training.loop import PlanningModule, make_trainer
+from shoot.training.run_folder import RunFolder
 
 Call = Callable[[], Any]
 _PLAIN = "float32, contiguous, cumulative sum"

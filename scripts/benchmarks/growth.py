@@ -13,8 +13,8 @@ import torch
 from benchmarks import big_tables, fitting, index, paper_size
 from benchmarks.measuring import Side, measured
 from lss_core.model import CameraModel
-from shoot.allocation import keep_freed_memory
 from shoot.planner import Planner
+from shoot.training.allocation import keep_freed_memory
 
 # Above this something that should be linear is not.
 LARGEST_EXPONENT = 1.1

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shoot.cli.fit_templates import DataSource, FitTemplatesConfig, fit
-from shoot.config import DEMO, PAPER, Precision, TrainConfig
-from shoot.datamodule import load_split
 from shoot.prediction import open_run, predict
-from shoot.training import train
+from shoot.training.config import DEMO, PAPER, Precision, TrainConfig
+from shoot.training.data import load_split
+from shoot.training.loop import train
 from shoot.world.writer import VERSION, MakeWorldConfig, make_world
 
 STEPS = 200

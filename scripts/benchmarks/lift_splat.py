@@ -13,7 +13,7 @@ from benchmarks import paper_size
 from lss_core.camera import frustum_points
 from lss_core.splat import SplatIndex, build_splat_index, pool
 from lss_core.splat_reference import lift_splat_cumsum
-from shoot.allocation import keep_freed_memory
+from shoot.training.allocation import keep_freed_memory
 
 NUM_SAMPLES = 4
 _STRIDE = paper_size.MODEL.image_stride

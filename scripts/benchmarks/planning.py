@@ -14,12 +14,12 @@ from benchmarks import paper_size
 from lss_core.batch import Batch
 from lss_core.camera import frustum_points
 from lss_core.splat_reference import lift_splat_cumsum
-from shoot.allocation import keep_freed_memory
-from shoot.config import PAPER, TrainConfig
 from shoot.fast import FastPlanner
-from shoot.precision import fastest_precision
 from shoot.templates import TemplateSet
-from shoot.training import PlanningModule
+from shoot.training.allocation import keep_freed_memory
+from shoot.training.config import PAPER, TrainConfig
+from shoot.training.loop import PlanningModule
+from shoot.training.precision import fastest_precision
 
 BATCH_SIZE = 4
 CONFIG: TrainConfig = replace(PAPER, model=paper_size.MODEL)

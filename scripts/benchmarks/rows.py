@@ -14,7 +14,7 @@ import torch
 from benchmarks import big_tables, fitting, index, learning, lift_splat, loading, planning
 from benchmarks.machine import Machine
 from benchmarks.measuring import Pair, Side, Spread, compare, measured
-from shoot.precision import fastest_precision
+from shoot.training.precision import fastest_precision
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from benchmarks.machine import processor_name
 
 from lss_core.files import write_atomically
 from planning_table.experiments import Experiment
-from shoot.run_folder import RunFolder
+from shoot.training.run_folder import RunFolder
 
 Record = dict[str, Any]
 

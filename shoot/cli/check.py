@@ -10,9 +10,9 @@ from lss_core.data.samples import load_index
 from lss_core.errors import DataError
 from lss_core.files import write_atomically
 from shoot.cli.app import run
-from shoot.config import SMALL
 from shoot.data_report import DataReport, format_report, survey, view_cameras
 from shoot.rendering import render_calibration, save_figure
+from shoot.training.config import SMALL
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,6 @@ from lss_core.bounds import Bounds, Count, Seed, Workers, check_settings
 from shoot.cli.app import run
 from shoot.cli.fit_templates import DataSource, FitTemplatesConfig, NumTemplates, fit
 from shoot.comparison import compare, score, sum_up
-from shoot.config import DEMO
-from shoot.datamodule import LabelledSplit, load_split
 from shoot.evaluation import Report, condition_of
 from shoot.metrics.manoeuvres import classify_manoeuvres
 from shoot.metrics.ranks import negative_log_likelihood
@@ -23,7 +21,9 @@ from shoot.prediction import TrainedRun, open_run, predict
 from shoot.rendering import render_sample, save_figure
 from shoot.report_table import format_table
 from shoot.sample_views import view_sample
-from shoot.training import train
+from shoot.training.config import DEMO
+from shoot.training.data import LabelledSplit, load_split
+from shoot.training.loop import train
 from shoot.world.writer import (
     MAX_TRAIN_SCENES,
     MAX_VAL_SCENES,

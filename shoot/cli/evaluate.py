@@ -10,7 +10,6 @@ import tyro
 from lss_core.bounds import check_settings
 from lss_core.data.usable import LEFT_OUT, save_left_out
 from lss_core.files import check_writable
-from shoot.allocation import keep_freed_memory
 from shoot.cli.app import run
 from shoot.cli.render import OtherData
 from shoot.comparison import score, sum_up
@@ -19,6 +18,7 @@ from shoot.html_report import PageDetails, write_page
 from shoot.prediction import TrainedRun, open_run
 from shoot.report_table import format_table
 from shoot.sample_cards import make_cards
+from shoot.training.allocation import keep_freed_memory
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,8 @@ from lss_core.files import check_writable
 from lss_core.geometry import FloatArray
 from shoot.cli.app import run
 from shoot.rendering import render_templates, save_figure
-from shoot.run_scenes import check_apart
 from shoot.templates import TemplateSet, fit_templates, fit_templates_stream
+from shoot.training.run_scenes import check_apart
 from shoot.trajectories import mine_futures
 
 _SCENES_A_CHUNK = 50

@@ -3,8 +3,8 @@
 import tyro
 
 from shoot.cli.app import run
-from shoot.config import PRESETS, TrainConfig
-from shoot.training import train
+from shoot.training.config import PRESETS, TrainConfig
+from shoot.training.loop import train
 
 
 def _fit(config: TrainConfig) -> None:

@@ -17,8 +17,8 @@ from world_fixture import Said, TinyRun, command, train_flags
 
 from lss_core.errors import DataError
 from shoot.prediction import open_run
-from shoot.run_folder import RunFolder
 from shoot.templates import TemplateSet
+from shoot.training.run_folder import RunFolder
 
 assert spoilt  # a fixture, used here too
 

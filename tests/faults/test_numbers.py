@@ -12,9 +12,9 @@ from world_fixture import TinyRun
 from lss_core.camera import frustum_points
 from lss_core.model import CameraModel
 from lss_core.splat_reference import lift_splat_cumsum
-from shoot.datamodule import load_split
 from shoot.planner import TemplateReads
 from shoot.prediction import batches, open_run
+from shoot.training.data import load_split
 
 
 def score_sums(cost_map: Tensor, reads: TemplateReads, off_grid_cost: Tensor) -> Tensor:

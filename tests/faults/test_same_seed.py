@@ -13,9 +13,9 @@ from tally import throw
 from test_resume import assert_same_run
 from world_fixture import NUM_TEMPLATES, TinyRun, command, train_flags
 
-from shoot.config import TrainConfig
-from shoot.datamodule import PlanBatch, PlanningData
 from shoot.templates import TemplateSet
+from shoot.training.config import TrainConfig
+from shoot.training.data import PlanBatch, PlanningData
 
 SAME = "the same bytes"
 

@@ -12,9 +12,9 @@ from world_fixture import TinyRun
 from lss_core.batch import Batch
 from shoot import fast
 from shoot.cuda_graph import CudaGraphs
-from shoot.datamodule import load_split
 from shoot.fast import FastPlanner
 from shoot.prediction import TrainedRun, batches, open_run
+from shoot.training.data import load_split
 
 Sensors = tuple[TrainedRun, Batch]
 

@@ -14,11 +14,11 @@ import torch
 from torch import Tensor
 from world_fixture import TinyRun, command, train_flags
 
-from shoot.bad_steps import SkipBadSteps
-from shoot.datamodule import PlanningData
-from shoot.metrics_file import read_metrics
-from shoot.run_folder import RunFolder
-from shoot.training import PlanningModule
+from shoot.training.bad_steps import SkipBadSteps
+from shoot.training.data import PlanningData
+from shoot.training.loop import PlanningModule
+from shoot.training.metrics_file import read_metrics
+from shoot.training.run_folder import RunFolder
 
 PRECISIONS = ("32-true", "bf16-mixed", "16-mixed")
 

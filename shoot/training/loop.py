@@ -27,14 +27,12 @@ from lss_core.grid import BevGrid
 from lss_core.legible import legible
 from lss_core.model import CameraModel, make_model
 from lss_core.progress import on_terminal
-from shoot.allocation import keep_freed_memory
-from shoot.bad_steps import SkipBadSteps
-from shoot.checkpoint_file import WholeCheckpoints, read_checkpoint, write_weights
-from shoot.config import OptimConfig, Precision, TrainConfig
-from shoot.datamodule import PlanBatch, PlanningData, check_shares
-from shoot.device import choose_device
-from shoot.event_file import EventFile
-from shoot.loop_callbacks import (
+from shoot.metrics.ranks import PlanningMetrics
+from shoot.planner import Planner, share_on_grid
+from shoot.templates import TemplateSet
+from shoot.training.allocation import keep_freed_memory
+from shoot.training.bad_steps import SkipBadSteps
+from shoot.training.callbacks import (
     EndTogether,
     JointStatistics,
     RoundLines,
@@ -42,15 +40,17 @@ from shoot.loop_callbacks import (
     TrainingTime,
     TrueStep,
 )
-from shoot.metrics.ranks import PlanningMetrics
-from shoot.metrics_file import MetricsFile
-from shoot.planner import Planner, share_on_grid
-from shoot.precision import agreed_precision, fastest_precision
-from shoot.run_folder import LAST, RunFolder
-from shoot.run_scenes import RunScenes
-from shoot.signals import EndOnSignal
-from shoot.templates import TemplateSet
-from shoot.training_motion import TrainingMotion
+from shoot.training.checkpoint_file import WholeCheckpoints, read_checkpoint, write_weights
+from shoot.training.config import OptimConfig, Precision, TrainConfig
+from shoot.training.data import PlanBatch, PlanningData, check_shares
+from shoot.training.device import choose_device
+from shoot.training.event_file import EventFile
+from shoot.training.metrics_file import MetricsFile
+from shoot.training.motion import TrainingMotion
+from shoot.training.precision import agreed_precision, fastest_precision
+from shoot.training.run_folder import LAST, RunFolder
+from shoot.training.run_scenes import RunScenes
+from shoot.training.signals import EndOnSignal
 
 logger = logging.getLogger(__name__)
 

@@ -11,8 +11,8 @@ import torch
 from torch import Tensor
 from world_fixture import TinyRun, command, train_flags
 
-from shoot.metrics_file import read_metrics
-from shoot.training import PlanningModule
+from shoot.training.loop import PlanningModule
+from shoot.training.metrics_file import read_metrics
 
 pytestmark = pytest.mark.trains
 

@@ -9,9 +9,9 @@ import pytest
 import torch
 
 from lss_core.errors import DataError
-from shoot.config import DEMO, TrainConfig
-from shoot.run_folder import RunFolder
 from shoot.templates import TemplateSet
+from shoot.training.config import DEMO, TrainConfig
+from shoot.training.run_folder import RunFolder
 
 
 def templates(shift_m: float = 0.0) -> TemplateSet:

@@ -12,7 +12,7 @@ from tensorboard.compat.proto.summary_pb2 import Summary
 from tensorboard.summary.writer.record_writer import RecordWriter
 
 from lss_core.files import write_atomically, write_from
-from shoot.run_logger import RunLogger
+from shoot.training.run_logger import RunLogger
 
 _FORMAT = "brain.Event:2"
 

@@ -20,10 +20,10 @@ from lss_core.data.padding import check_padding
 from lss_core.data.samples import SampleIndex, load_index, rows_of_split
 from lss_core.data.usable import LeftOut, Needs, usable_rows, usable_scenes
 from lss_core.errors import DataError
-from shoot.config import TrainConfig
-from shoot.device import choose_device
-from shoot.run_scenes import FITTED_ON, RunScenes, check_apart, check_unseen
 from shoot.templates import TemplateSet
+from shoot.training.config import TrainConfig
+from shoot.training.device import choose_device
+from shoot.training.run_scenes import FITTED_ON, RunScenes, check_apart, check_unseen
 from shoot.trajectories import DT_S, HORIZON_S, Futures, mine_futures
 
 MIN_VAL_BATCH = 8

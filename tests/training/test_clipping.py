@@ -10,11 +10,11 @@ import torch
 from pytorch_lightning.plugins import MixedPrecision
 from world_fixture import TinyRun
 
-from shoot.bad_steps import clip_gradients
-from shoot.datamodule import PlanningData
-from shoot.metrics_file import read_metrics
-from shoot.run_folder import RunFolder
-from shoot.training import PlanningModule, make_trainer
+from shoot.training.bad_steps import clip_gradients
+from shoot.training.data import PlanningData
+from shoot.training.loop import PlanningModule, make_trainer
+from shoot.training.metrics_file import read_metrics
+from shoot.training.run_folder import RunFolder
 
 pytestmark = pytest.mark.trains
 

@@ -8,8 +8,8 @@ import yaml
 from lss_core.config import DataConfig, DepthBins, ImageConfig, ModelConfig
 from lss_core.errors import DataError
 from lss_core.grid import BevGrid
-from shoot.config import DEMO, PAPER, PRESETS, OptimConfig, TrainConfig
 from shoot.planner import PlannerConfig
+from shoot.training.config import DEMO, PAPER, PRESETS, OptimConfig, TrainConfig
 
 
 @pytest.mark.parametrize("preset", PRESETS)

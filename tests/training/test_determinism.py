@@ -10,9 +10,9 @@ import torch
 from test_resume import assert_same_run
 from world_fixture import TinyRun, command, train_flags
 
-from shoot.config import DEMO
-from shoot.run_folder import RunFolder
-from shoot.training import make_trainer
+from shoot.training.config import DEMO
+from shoot.training.loop import make_trainer
+from shoot.training.run_folder import RunFolder
 
 
 @pytest.fixture(autouse=True)

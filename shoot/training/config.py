@@ -12,8 +12,8 @@ from lss_core.config import DataConfig, DepthBins, ImageConfig, ModelConfig
 from lss_core.errors import DataError
 from lss_core.files import write_atomically
 from lss_core.grid import BevGrid
-from shoot.device import Accelerator
 from shoot.planner import PlannerConfig
+from shoot.training.device import Accelerator
 
 Precision = Literal["32-true", "bf16-mixed", "16-mixed"]
 _Several = Annotated[int, Bounds(0, MAX_COUNT)]

@@ -15,8 +15,9 @@ from tiny_tables import KEPT_A_SCENE, TRAIN_A, VAL, VERSION, write_tiny
 from lss_core.config import CAMERAS, DataConfig, ImageConfig
 from lss_core.data.samples import load_index, rows_of_split
 from lss_core.errors import DataError
-from shoot.config import OptimConfig, TrainConfig
-from shoot.datamodule import (
+from shoot.templates import TemplateSet, fit_templates
+from shoot.training.config import OptimConfig, TrainConfig
+from shoot.training.data import (
     PlanBatch,
     PlanningData,
     PlanningDataset,
@@ -25,7 +26,6 @@ from shoot.datamodule import (
     collate_plans,
     load_split,
 )
-from shoot.templates import TemplateSet, fit_templates
 from shoot.trajectories import mine_futures
 
 

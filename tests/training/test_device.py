@@ -9,10 +9,10 @@ from pytorch_lightning.accelerators import CPUAccelerator, MPSAccelerator
 from world_fixture import TinyRun, command, train_flags
 
 from lss_core.errors import DataError
-from shoot.config import DEMO
-from shoot.device import Accelerator, choose_device
-from shoot.run_folder import RunFolder
-from shoot.training import make_trainer
+from shoot.training.config import DEMO
+from shoot.training.device import Accelerator, choose_device
+from shoot.training.loop import make_trainer
+from shoot.training.run_folder import RunFolder
 
 
 def machine(monkeypatch: pytest.MonkeyPatch, has_cuda: bool) -> None:

@@ -13,7 +13,7 @@ import pytest
 import torch
 from world_fixture import TinyRun, command, start_command, train_flags
 
-from shoot.metrics_file import MetricsFile, read_metrics
+from shoot.training.metrics_file import MetricsFile, read_metrics
 
 STEPS, EVERY = 23, 4  # the last round is shorter
 

@@ -2,9 +2,10 @@ import pytest
 import torch
 from world_fixture import TinyRun, command, train_flags
 
-from shoot import precision, training
-from shoot.precision import fastest_precision
-from shoot.run_folder import RunFolder
+from shoot.training import loop as training
+from shoot.training import precision
+from shoot.training.precision import fastest_precision
+from shoot.training.run_folder import RunFolder
 
 pytestmark = pytest.mark.trains
 

@@ -22,11 +22,11 @@ from world_fixture import (
 
 from lss_core.errors import DataError
 from shoot.baselines import kept_past_motion
-from shoot.datamodule import load_split
 from shoot.prediction import open_run
-from shoot.run_folder import RunFolder
 from shoot.templates import TemplateSet
-from shoot.training_motion import TrainingMotion
+from shoot.training.data import load_split
+from shoot.training.motion import TrainingMotion
+from shoot.training.run_folder import RunFolder
 
 
 def evaluate(run: Path, out: Path, *flags: object) -> dict[str, Any]:

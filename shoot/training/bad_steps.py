@@ -12,7 +12,7 @@ from torch.amp.grad_scaler import GradScaler
 from torch.optim import Optimizer
 
 from lss_core.errors import DataError
-from shoot.datamodule import PlanBatch, PlanningData
+from shoot.training.data import PlanBatch, PlanningData
 
 logger = logging.getLogger(__name__)
 

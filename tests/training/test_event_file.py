@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from shoot.event_file import EventFile
+from shoot.training.event_file import EventFile
 
 
 def shown(folder: Path, tag: str) -> list[tuple[int, float]]:

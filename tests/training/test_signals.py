@@ -41,7 +41,7 @@ def test_what_was_ended_goes_on_as_if_undisturbed(
     folder = tmp_path / "run"
     flags = train_flags(tiny_run.root, tiny_run.templates, folder, STEPS, EVERY)
     with pytest.MonkeyPatch.context() as patch:
-        from shoot.training import PlanningModule
+        from shoot.training.loop import PlanningModule
 
         real = PlanningModule.training_step
 

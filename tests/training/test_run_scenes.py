@@ -25,9 +25,9 @@ from world_fixture import (
 from lss_core.data.drives import KnownScene
 from lss_core.errors import DataError
 from lss_core.files import check_writable
-from shoot.run_folder import RunFolder
-from shoot.run_scenes import RunScenes
 from shoot.templates import TemplateSet
+from shoot.training.run_folder import RunFolder
+from shoot.training.run_scenes import RunScenes
 
 RENAMED = tuple(replace(ride, name=f"scene-{14 + i:04d}") for i, ride in enumerate(TRAIN_RIDES))
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from pytorch_lightning.utilities import rank_zero_only
 
 from lss_core.files import write_atomically, write_from
-from shoot.run_logger import RunLogger
+from shoot.training.run_logger import RunLogger
 
 _STEP = "step"
 _EPOCH = "epoch"  # Lightning's count of rounds is one too many after a resumption

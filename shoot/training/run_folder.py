@@ -12,9 +12,9 @@ from pytorch_lightning.utilities import rank_zero_only
 
 from lss_core.errors import DataError
 from lss_core.files import clear_leftovers, write_atomically
-from shoot.checkpoint_file import read_checkpoint, read_weights
-from shoot.config import TrainConfig
 from shoot.templates import TemplateSet
+from shoot.training.checkpoint_file import read_checkpoint, read_weights
+from shoot.training.config import TrainConfig
 
 LAST, BEST = "last.ckpt", "best.ckpt"
 _LIBRARIES = ("torch", "pytorch-lightning", "timm", "numpy", "nuscenes-devkit", "shoot")

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from shoot.allocation import keep_freed_memory
+from shoot.training.allocation import keep_freed_memory
 
 
 def _resident_mb_after_freeing(keep: bool) -> float:

@@ -17,10 +17,10 @@ import pytorch_lightning as pl
 import torch
 from world_fixture import TinyRun, call_command, command, start_beside, train_flags
 
-from shoot import precision
-from shoot.datamodule import PlanningData
-from shoot.run_folder import RunFolder
-from shoot.training import PlanningModule, make_trainer
+from shoot.training import precision
+from shoot.training.data import PlanningData
+from shoot.training.loop import PlanningModule, make_trainer
+from shoot.training.run_folder import RunFolder
 
 PATIENCE_S = 400
 
