@@ -87,7 +87,7 @@ def _card(run: RunFolder, report: dict[str, Any]) -> str:
         "",
         f"Six images of {image.height_px} x {image.width_px} pixels in, a cost map of {cells}",
         f"cells and the probabilities of {len(templates.points)} templates out. It is a run",
-        "folder: `shoot-evaluate`, `shoot-render` and `shoot.prediction.open_run` take it.",
+        "folder: `shoot-evaluate`, `shoot-render` and `shoot.prediction.run.open_run` take it.",
         "",
         "- **Data**: the training split of the synthetic city of `python scripts/table6.py`:",
         f"  {world['train_scenes']} scenes, seed {world['seed']}; no real images. The table is on",

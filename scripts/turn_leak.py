@@ -16,7 +16,7 @@ import tyro
 from lss_core.bounds import Workers, check_settings
 from shoot.cli.app import run
 from shoot.intersections import find_questions
-from shoot.prediction import open_run, predict
+from shoot.prediction.run import open_run, predict
 from shoot.rendering import save_figure
 from shoot.training.data import load_split
 from shoot.turn_leak.answers import answer

@@ -29,7 +29,7 @@ from shoot.evaluation import MODEL, Report, condition_of, evaluate
 from shoot.known_speed import tell_speed
 from shoot.metrics.ranks import negative_log_likelihood, rank_labels
 from shoot.planner import Planner
-from shoot.prediction import TrainedRun, predict
+from shoot.prediction.run import TrainedRun, predict
 from shoot.templates import TemplateSet
 from shoot.training.data import LabelledSplit, load_split
 from shoot.training.motion import TrainingMotion

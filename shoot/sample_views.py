@@ -11,7 +11,7 @@ from lss_core.data.lidar import load_sweep
 from lss_core.data.samples import SampleIndex
 from lss_core.geometry import FloatArray
 from lss_core.legible import legible
-from shoot.prediction import TrainedRun, batches
+from shoot.prediction.run import TrainedRun, batches
 from shoot.rendering import SampleView
 from shoot.training.data import LabelledSplit
 

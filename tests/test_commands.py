@@ -21,7 +21,7 @@ from world_fixture import (
 
 from shoot.baselines import kept_past_motion
 from shoot.cli import demo
-from shoot.prediction import open_run
+from shoot.prediction.run import open_run
 from shoot.templates import TemplateSet
 from shoot.training.config import TrainConfig
 from shoot.training.motion import TrainingMotion

@@ -16,7 +16,7 @@ from shoot.depth_study import (
     tell_depth,
 )
 from shoot.metrics.ranks import negative_log_likelihood
-from shoot.prediction import open_run, predict
+from shoot.prediction.run import open_run, predict
 from shoot.training.data import load_split
 
 DEPTHS_M = (4.0, 6.0, 8.0, 10.0)

@@ -17,9 +17,9 @@ from lss_core.data.samples import SampleIndex, load_index
 from lss_core.data.usable import Needs, usable_rows
 from lss_core.errors import DataError
 from lss_core.geometry import apply, invert
-from shoot import fast
-from shoot.fast import FastPlanner
-from shoot.prediction import batches, open_run, predict
+from shoot.prediction import fast
+from shoot.prediction.fast import FastPlanner
+from shoot.prediction.run import batches, open_run, predict
 from shoot.training.data import load_split
 
 NUM_SCANS = 10

@@ -26,7 +26,7 @@ from lss_core.batch import Batch
 from lss_core.camera import frustum_points
 from lss_core.splat import build_splat_index, pool
 from lss_core.splat_reference import lift_splat_cumsum
-from shoot.fast import FastPlanner
+from shoot.prediction.fast import FastPlanner
 from shoot.templates import TemplateSet
 from shoot.training.config import TrainConfig
 from shoot.training.data import PlanBatch

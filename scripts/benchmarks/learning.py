@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shoot.cli.fit_templates import DataSource, FitTemplatesConfig, fit
-from shoot.prediction import open_run, predict
+from shoot.prediction.run import open_run, predict
 from shoot.training.config import DEMO, PAPER, Precision, TrainConfig
 from shoot.training.data import load_split
 from shoot.training.loop import train

@@ -14,7 +14,7 @@ from benchmarks import paper_size
 from lss_core.batch import Batch
 from lss_core.camera import frustum_points
 from lss_core.splat_reference import lift_splat_cumsum
-from shoot.fast import FastPlanner
+from shoot.prediction.fast import FastPlanner
 from shoot.templates import TemplateSet
 from shoot.training.allocation import keep_freed_memory
 from shoot.training.config import PAPER, TrainConfig

@@ -17,7 +17,7 @@ from shoot.comparison import compare, score, sum_up
 from shoot.evaluation import Report, condition_of
 from shoot.metrics.manoeuvres import classify_manoeuvres
 from shoot.metrics.ranks import negative_log_likelihood
-from shoot.prediction import TrainedRun, open_run, predict
+from shoot.prediction.run import TrainedRun, open_run, predict
 from shoot.rendering import render_sample, save_figure
 from shoot.report_table import format_table
 from shoot.sample_views import view_sample

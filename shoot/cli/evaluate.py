@@ -15,7 +15,7 @@ from shoot.cli.render import OtherData
 from shoot.comparison import score, sum_up
 from shoot.evaluation import MODEL, Report
 from shoot.html_report import PageDetails, write_page
-from shoot.prediction import TrainedRun, open_run
+from shoot.prediction.run import TrainedRun, open_run
 from shoot.report_table import format_table
 from shoot.sample_cards import make_cards
 from shoot.training.allocation import keep_freed_memory

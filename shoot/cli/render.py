@@ -13,7 +13,7 @@ from lss_core.data.samples import load_index, rows_of_split
 from lss_core.data.usable import LEFT_OUT, Needs, save_left_out
 from lss_core.errors import DataError
 from shoot.cli.app import run
-from shoot.prediction import TrainedRun, open_run
+from shoot.prediction.run import TrainedRun, open_run
 from shoot.rendering import render_sample, save_figure
 from shoot.sample_views import view_sample
 from shoot.training.data import LabelledSplit, label_rows

@@ -16,7 +16,7 @@ from test_command_errors import complaint, evaluate, spoilt
 from world_fixture import Said, TinyRun, command, train_flags
 
 from lss_core.errors import DataError
-from shoot.prediction import open_run
+from shoot.prediction.run import open_run
 from shoot.templates import TemplateSet
 from shoot.training.run_folder import RunFolder
 

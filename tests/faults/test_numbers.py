@@ -13,7 +13,7 @@ from lss_core.camera import frustum_points
 from lss_core.model import CameraModel
 from lss_core.splat_reference import lift_splat_cumsum
 from shoot.planner import TemplateReads
-from shoot.prediction import batches, open_run
+from shoot.prediction.run import batches, open_run
 from shoot.training.data import load_split
 
 

@@ -10,10 +10,10 @@ import torch
 from world_fixture import TinyRun
 
 from lss_core.batch import Batch
-from shoot import fast
-from shoot.cuda_graph import CudaGraphs
-from shoot.fast import FastPlanner
-from shoot.prediction import TrainedRun, batches, open_run
+from shoot.prediction import fast
+from shoot.prediction.cuda_graph import CudaGraphs
+from shoot.prediction.fast import FastPlanner
+from shoot.prediction.run import TrainedRun, batches, open_run
 from shoot.training.data import load_split
 
 Sensors = tuple[TrainedRun, Batch]

@@ -22,7 +22,7 @@ from world_fixture import (
 
 from lss_core.errors import DataError
 from shoot.baselines import kept_past_motion
-from shoot.prediction import open_run
+from shoot.prediction.run import open_run
 from shoot.templates import TemplateSet
 from shoot.training.data import load_split
 from shoot.training.motion import TrainingMotion

@@ -15,10 +15,10 @@ from host_waits import NoHostWaits
 from world_fixture import TinyRun, command
 
 from lss_core.batch import Batch
-from shoot import fast
-from shoot.compiler_cache import frozen_weights, processor_tag
-from shoot.fast import FastPlanner
-from shoot.prediction import TrainedRun, batches, open_run
+from shoot.prediction import fast
+from shoot.prediction.compiler_cache import frozen_weights, processor_tag
+from shoot.prediction.fast import FastPlanner
+from shoot.prediction.run import TrainedRun, batches, open_run
 from shoot.training.data import load_split
 
 
@@ -147,8 +147,8 @@ _SCORES = """
 import sys
 import torch
 from test_fast import _sensors
-from shoot import fast
-from shoot.prediction import open_run
+from shoot.prediction import fast
+from shoot.prediction.run import open_run
 fast.fastest_precision = lambda device: "32-true"
 trained = open_run(sys.argv[1])
 with torch.no_grad():

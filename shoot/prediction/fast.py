@@ -12,8 +12,8 @@ from torch import Tensor
 from lss_core.batch import Batch
 from lss_core.model import CameraModel
 from lss_core.splat import pool
-from shoot.compiler_cache import frozen_weights
-from shoot.cuda_graph import CannotRecordError, CudaGraphs
+from shoot.prediction.compiler_cache import frozen_weights
+from shoot.prediction.cuda_graph import CannotRecordError, CudaGraphs
 from shoot.training.loop import PlanningModule
 from shoot.training.precision import fastest_precision
 

@@ -11,7 +11,7 @@ from torch.utils.data import DataLoader
 
 from lss_core.errors import DataError
 from lss_core.progress import progress
-from shoot.fast import FastPlanner
+from shoot.prediction.fast import FastPlanner
 from shoot.templates import TemplateSet
 from shoot.training.config import TrainConfig
 from shoot.training.data import LabelledSplit, PlanBatch, PlanningDataset, collate_plans
