@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from shoot.evaluation import Report, Results
+from shoot.evaluation.report import Report, Results
 from shoot.html_report import PageDetails, SampleCard, render_page
 from shoot.html_report.columns import GROUPS, MAIN
 from shoot.metrics.bootstrap import Interval

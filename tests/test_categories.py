@@ -11,7 +11,7 @@ from driving_world import (
 )
 
 from lss_core.data.categories import is_road_user
-from shoot.driving_checks import DrivingChecks
+from shoot.evaluation.driving_checks import DrivingChecks
 
 LYFT = ("car", "pedestrian", "other_vehicle", "bus", "motorcycle", "truck", "emergency_vehicle",
         "bicycle")  # fmt: skip

@@ -19,7 +19,7 @@ from html_fixture import (
     read_page,
 )
 
-from shoot.evaluation import Report, evaluate
+from shoot.evaluation.report import Report, evaluate
 from shoot.html_report import PageDetails, render_page, write_page
 from shoot.html_report.columns import GROUPS, MAIN, NLL, TOP_10, Column
 from shoot.html_report.figures import plotted_methods

@@ -12,8 +12,8 @@ from lss_core.data.usable import LEFT_OUT, save_left_out
 from lss_core.files import check_writable
 from shoot.cli.app import run
 from shoot.cli.render import OtherData
-from shoot.comparison import score, sum_up
-from shoot.evaluation import MODEL, Report
+from shoot.evaluation.comparison import score, sum_up
+from shoot.evaluation.report import MODEL, Report
 from shoot.html_report import PageDetails, write_page
 from shoot.prediction.run import TrainedRun, open_run
 from shoot.report_table import format_table

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from shoot.evaluation import MODEL, Results
+from shoot.evaluation.report import MODEL, Results
 from shoot.html_report.columns import NLL, TOP_10
 from shoot.html_report.markup import Html, element, join
 from shoot.html_report.plots import (

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from lss_core.files import write_atomically
-from shoot.evaluation import MODEL, Report, Results
+from shoot.evaluation.report import MODEL, Report, Results
 from shoot.html_report.cards import SampleCard, card_sections
 from shoot.html_report.columns import (
     CALIBRATION,

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lss_core.legible import legible
-from shoot.evaluation import MODEL, Results
+from shoot.evaluation.report import MODEL, Results
 from shoot.html_report.columns import Column
 from shoot.html_report.words import has_bounds
 from shoot.metrics.bootstrap import Interval

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 
-from shoot.evaluation import MODEL, Results
+from shoot.evaluation.report import MODEL, Results
 from shoot.html_report.columns import NLL, TOP_10, Column
 from shoot.html_report.markup import Html, element, join
 from shoot.html_report.words import DASH, bounds, has_bounds, number, row_class, spaced, verdict

@@ -2,7 +2,7 @@
 
 import math
 
-from shoot.evaluation import MODEL
+from shoot.evaluation.report import MODEL
 from shoot.html_report.columns import Column
 from shoot.metrics.bootstrap import Interval
 

@@ -12,7 +12,8 @@ import numpy as np
 from jaxtyping import Float, Int, Shaped
 
 from lss_core.files import write_atomically
-from shoot.check_basis import CheckBasis
+from shoot.evaluation.check_basis import CheckBasis
+from shoot.evaluation.scoring import PathChecks, Scorer, Scores, select_samples
 from shoot.metrics.bootstrap import GroupBootstrap, Groups, Interval
 from shoot.metrics.calibration import (
     Reliability,
@@ -22,7 +23,6 @@ from shoot.metrics.calibration import (
 )
 from shoot.metrics.manoeuvres import MANOEUVRES, classify_manoeuvres
 from shoot.metrics.ranks import PerSample
-from shoot.scoring import PathChecks, Scorer, Scores, select_samples
 
 Array = np.ndarray[Any, np.dtype[Any]]
 

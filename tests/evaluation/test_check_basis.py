@@ -22,8 +22,8 @@ from html_fixture import make_report, read_page
 from tiny_tables import TRAIN_A, VAL, read_table, write_table
 
 from lss_core.errors import DataError
-from shoot.check_basis import CheckBasis
-from shoot.driving_checks import DrivingChecks
+from shoot.evaluation.check_basis import CheckBasis
+from shoot.evaluation.driving_checks import DrivingChecks
 from shoot.html_report import PageDetails, render_page
 from shoot.report_table import format_table
 

@@ -1,7 +1,7 @@
 import numpy as np
 from scipy.special import log_softmax
 
-from shoot.known_speed import tell_speed
+from shoot.evaluation.known_speed import tell_speed
 
 
 def _case(seed=0):

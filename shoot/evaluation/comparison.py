@@ -24,9 +24,9 @@ from shoot.baselines import (
     kept_past_motion,
     standing_still_log_prob,
 )
-from shoot.driving_checks import DrivingChecks
-from shoot.evaluation import MODEL, Report, condition_of, evaluate
-from shoot.known_speed import tell_speed
+from shoot.evaluation.driving_checks import DrivingChecks
+from shoot.evaluation.known_speed import tell_speed
+from shoot.evaluation.report import MODEL, Report, condition_of, evaluate
 from shoot.metrics.ranks import negative_log_likelihood, rank_labels
 from shoot.planner import Planner
 from shoot.prediction.run import TrainedRun, predict

@@ -5,8 +5,8 @@ import pytest
 from world_fixture import NUM_TEMPLATES, TinyRun
 
 from shoot.baselines import fit_past_motion
-from shoot.comparison import Scored, baseline_log_probs, score, sum_up
-from shoot.known_speed import tell_speed
+from shoot.evaluation.comparison import Scored, baseline_log_probs, score, sum_up
+from shoot.evaluation.known_speed import tell_speed
 from shoot.prediction.run import TrainedRun, open_run, predict
 from shoot.training.data import LabelledSplit
 from shoot.training.motion import TrainingMotion

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import log_softmax
 
-from shoot.evaluation import condition_of, evaluate
+from shoot.evaluation.report import condition_of, evaluate
 from shoot.html_report import PageDetails, render_page
 from shoot.metrics.bootstrap import interval, paired_interval
 from shoot.metrics.calibration import measure_reliability

@@ -25,7 +25,7 @@ from driving_world import (
 from tiny_tables import TRAIN_A, VAL
 
 from lss_core.data.samples import SampleIndex
-from shoot.driving_checks import CHECK_HORIZONS_S, DrivingChecks
+from shoot.evaluation.driving_checks import CHECK_HORIZONS_S, DrivingChecks
 from shoot.footprint import (
     EGO_LENGTH_M,
     EGO_REAR_M,

@@ -3,7 +3,7 @@ import pytest
 
 from lss_core.data.boxes import Boxes
 from lss_core.geometry import apply, invert, rigid_from_yaw
-from shoot.box_moments import BoxMoments, find_moments, touched
+from shoot.evaluation.box_moments import BoxMoments, find_moments, touched
 from shoot.footprint import (
     EGO_LENGTH_M,
     EGO_WIDTH_M,

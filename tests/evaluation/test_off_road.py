@@ -23,7 +23,7 @@ from driving_world import (
 from lss_core.config import CAMERAS, DataConfig
 from lss_core.data.samples import SampleIndex
 from lss_core.errors import DataError
-from shoot.driving_checks import CHECK_HORIZONS_S, DrivingChecks
+from shoot.evaluation.driving_checks import CHECK_HORIZONS_S, DrivingChecks
 
 
 @pytest.mark.parametrize(

@@ -35,8 +35,8 @@ from lss_core.data.drivable import DrivableArea, has_map, load_drivable_area
 from lss_core.data.samples import SampleIndex
 from lss_core.geometry import yaw_of
 from lss_core.legible import legible
-from shoot.box_moments import BoxMoments, find_moments, touched
-from shoot.check_basis import CheckBasis
+from shoot.evaluation.box_moments import BoxMoments, find_moments, touched
+from shoot.evaluation.check_basis import CheckBasis
 from shoot.footprint import footprint_corners, headings, turn
 from shoot.training.data import LabelledSplit
 from shoot.trajectories import DT_S

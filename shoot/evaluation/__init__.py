@@ -1,0 +1,1 @@
+"""A planner beside its baselines on a split: from log-probabilities to a report."""
