@@ -19,8 +19,8 @@ from shoot.metrics.manoeuvres import classify_manoeuvres
 from shoot.metrics.ranks import negative_log_likelihood
 from shoot.prediction.run import TrainedRun, open_run, predict
 from shoot.rendering import render_sample, save_figure
-from shoot.report_table import format_table
-from shoot.sample_views import view_sample
+from shoot.report.sample_views import view_sample
+from shoot.report.terminal import format_table
 from shoot.training.config import DEMO
 from shoot.training.data import LabelledSplit, load_split
 from shoot.training.loop import train

@@ -14,10 +14,10 @@ from shoot.cli.app import run
 from shoot.cli.render import OtherData
 from shoot.evaluation.comparison import score, sum_up
 from shoot.evaluation.report import MODEL, Report
-from shoot.html_report import PageDetails, write_page
 from shoot.prediction.run import TrainedRun, open_run
-from shoot.report_table import format_table
-from shoot.sample_cards import make_cards
+from shoot.report.html import PageDetails, write_page
+from shoot.report.sample_cards import make_cards
+from shoot.report.terminal import format_table
 from shoot.training.allocation import keep_freed_memory
 
 

@@ -15,7 +15,7 @@ from lss_core.errors import DataError
 from shoot.cli.app import run
 from shoot.prediction.run import TrainedRun, open_run
 from shoot.rendering import render_sample, save_figure
-from shoot.sample_views import view_sample
+from shoot.report.sample_views import view_sample
 from shoot.training.data import LabelledSplit, label_rows
 
 

@@ -24,8 +24,8 @@ from tiny_tables import TRAIN_A, VAL, read_table, write_table
 from lss_core.errors import DataError
 from shoot.evaluation.check_basis import CheckBasis
 from shoot.evaluation.driving_checks import DrivingChecks
-from shoot.html_report import PageDetails, render_page
-from shoot.report_table import format_table
+from shoot.report.html import PageDetails, render_page
+from shoot.report.terminal import format_table
 
 THINGS = [standing(12.0, 6.0), Thing(lambda t: (30.0 + 3.0 * t, 4.0, 0.0), category="vehicle.bus")]
 

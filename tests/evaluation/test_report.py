@@ -5,12 +5,12 @@ import pytest
 from scipy.special import log_softmax
 
 from shoot.evaluation.report import condition_of, evaluate
-from shoot.html_report import PageDetails, render_page
 from shoot.metrics.bootstrap import interval, paired_interval
 from shoot.metrics.calibration import measure_reliability
 from shoot.metrics.comfort import measure_comfort
 from shoot.metrics.ranks import TOP_KS, negative_log_likelihood, rank_labels
-from shoot.report_table import format_table
+from shoot.report.html import PageDetails, render_page
+from shoot.report.terminal import format_table
 
 COMFORT = ["lon_accel_mps2", "lat_accel_mps2", "jerk_mps3", "comfort"]
 CHECKS = [f"{what}_{s}s" for what in ("collision", "off_road") for s in (1, 2, 3, 5)]

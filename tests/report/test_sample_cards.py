@@ -12,7 +12,7 @@ from world_fixture import NUM_TEMPLATES, TinyRun, command
 from shoot.metrics.manoeuvres import classify_manoeuvres
 from shoot.metrics.ranks import rank_labels
 from shoot.prediction.run import open_run, predict
-from shoot.sample_cards import make_cards
+from shoot.report.sample_cards import make_cards
 from shoot.training.data import load_split
 
 

@@ -5,12 +5,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from shoot.html_report import SampleCard, figure_png, pick_samples
 from shoot.metrics.manoeuvres import classify_manoeuvres
 from shoot.metrics.ranks import negative_log_likelihood, rank_labels
 from shoot.prediction.run import TrainedRun
 from shoot.rendering import render_sample
-from shoot.sample_views import view_sample
+from shoot.report.html import SampleCard, figure_png, pick_samples
+from shoot.report.sample_views import view_sample
 from shoot.training.data import LabelledSplit
 
 

@@ -20,11 +20,11 @@ from html_fixture import (
 )
 
 from shoot.evaluation.report import Report, evaluate
-from shoot.html_report import PageDetails, render_page, write_page
-from shoot.html_report.columns import GROUPS, MAIN, NLL, TOP_10, Column
-from shoot.html_report.figures import plotted_methods
-from shoot.html_report.words import DASH, bounds, number, verdict
 from shoot.metrics.bootstrap import Interval
+from shoot.report.html import PageDetails, render_page, write_page
+from shoot.report.html.columns import GROUPS, MAIN, NLL, TOP_10, Column
+from shoot.report.html.figures import plotted_methods
+from shoot.report.html.words import DASH, bounds, number, verdict
 
 DETAILS = PageDetails("runs/small", "synthetic city", "2024-05-06 07:08", "best", 40)
 CARDS = {"best": [make_card()], "worst": [make_card(token="0b-other", nll=9.0, rank=39)]}

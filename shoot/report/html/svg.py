@@ -8,7 +8,7 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from lss_core.legible import legible
-from shoot.html_report.markup import Html
+from shoot.report.html.markup import Html
 
 _REFERENCE = re.compile(r"url\(#([^)]+)\)")
 _PX_PER_PT = 96.0 / 72.0

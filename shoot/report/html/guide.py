@@ -3,9 +3,9 @@
 from collections.abc import Iterable
 from typing import Final
 
-from shoot.html_report.markup import Html, element, join
-from shoot.html_report.words import spaced
 from shoot.metrics.bootstrap import NUM_DRAWS, Groups, name_groups
+from shoot.report.html.markup import Html, element, join
+from shoot.report.html.words import spaced
 
 # Methods with other names are listed without a word.
 METHOD_NOTES: Final = {

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from matplotlib.figure import Figure
 
-from shoot.html_report.markup import Html, element, join
+from shoot.report.html.markup import Html, element, join
 
 _PNG = b"\x89PNG\r\n\x1a\n"
 _GROUPS = {

@@ -8,8 +8,9 @@ from typing import Final
 
 from lss_core.files import write_atomically
 from shoot.evaluation.report import MODEL, Report, Results
-from shoot.html_report.cards import SampleCard, card_sections
-from shoot.html_report.columns import (
+from shoot.metrics.bootstrap import Interval
+from shoot.report.html.cards import SampleCard, card_sections
+from shoot.report.html.columns import (
     CALIBRATION,
     GROUPS,
     MAIN,
@@ -20,13 +21,12 @@ from shoot.html_report.columns import (
     Column,
     other_columns,
 )
-from shoot.html_report.figures import part_figures, reliability_figures, top_k_figures
-from shoot.html_report.guide import reading_guide
-from shoot.html_report.markup import Html, element, join
-from shoot.html_report.style import STYLE
-from shoot.html_report.tables import difference_table, method_table, part_table
-from shoot.html_report.words import spaced, verdict
-from shoot.metrics.bootstrap import Interval
+from shoot.report.html.figures import part_figures, reliability_figures, top_k_figures
+from shoot.report.html.guide import reading_guide
+from shoot.report.html.markup import Html, element, join
+from shoot.report.html.style import STYLE
+from shoot.report.html.tables import difference_table, method_table, part_table
+from shoot.report.html.words import spaced, verdict
 
 # The browser may fetch nothing, run nothing and send nothing, whatever stands in the page.
 POLICY: Final = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"

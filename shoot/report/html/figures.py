@@ -5,9 +5,10 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from shoot.evaluation.report import MODEL, Results
-from shoot.html_report.columns import NLL, TOP_10
-from shoot.html_report.markup import Html, element, join
-from shoot.html_report.plots import (
+from shoot.metrics.bootstrap import Interval
+from shoot.report.html.columns import NLL, TOP_10
+from shoot.report.html.markup import Html, element, join
+from shoot.report.html.plots import (
     Look,
     draw_key,
     draw_parts,
@@ -16,9 +17,8 @@ from shoot.html_report.plots import (
     method_looks,
     reliability_limit,
 )
-from shoot.html_report.svg import inline_svg
-from shoot.html_report.words import spaced
-from shoot.metrics.bootstrap import Interval
+from shoot.report.html.svg import inline_svg
+from shoot.report.html.words import spaced
 
 # More than these cannot be told apart in one plot.
 MOST_PLOTTED = 6

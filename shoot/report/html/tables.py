@@ -5,10 +5,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 
 from shoot.evaluation.report import MODEL, Results
-from shoot.html_report.columns import NLL, TOP_10, Column
-from shoot.html_report.markup import Html, element, join
-from shoot.html_report.words import DASH, bounds, has_bounds, number, row_class, spaced, verdict
 from shoot.metrics.bootstrap import Interval
+from shoot.report.html.columns import NLL, TOP_10, Column
+from shoot.report.html.markup import Html, element, join
+from shoot.report.html.words import DASH, bounds, has_bounds, number, row_class, spaced, verdict
 
 Metrics = Mapping[str, Interval]
 

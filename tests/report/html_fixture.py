@@ -10,10 +10,10 @@ import numpy as np
 from PIL import Image
 
 from shoot.evaluation.report import Report, Results
-from shoot.html_report import PageDetails, SampleCard, render_page
-from shoot.html_report.columns import GROUPS, MAIN
 from shoot.metrics.bootstrap import Interval
 from shoot.metrics.calibration import Reliability
+from shoot.report.html import PageDetails, SampleCard, render_page
+from shoot.report.html.columns import GROUPS, MAIN
 
 KEYS = tuple(column.key for columns in (MAIN, *(g.columns for g in GROUPS)) for column in columns)
 METHODS = ("model", "prior", "constant_velocity")

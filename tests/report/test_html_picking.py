@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shoot.html_report import pick_samples
+from shoot.report.html import pick_samples
 
 
 def test_by_hand() -> None:

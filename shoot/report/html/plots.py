@@ -13,12 +13,12 @@ from matplotlib.figure import Figure
 
 from lss_core.legible import legible
 from shoot.evaluation.report import MODEL, Results
-from shoot.html_report.columns import Column
-from shoot.html_report.words import has_bounds
 from shoot.metrics.bootstrap import Interval
 from shoot.metrics.calibration import Reliability
 from shoot.metrics.ranks import TOP_KS
 from shoot.rendering import palette
+from shoot.report.html.columns import Column
+from shoot.report.html.words import has_bounds
 
 WIDTH_IN: Final = 4.4
 SQUARE_IN: Final = 3.0

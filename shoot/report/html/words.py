@@ -3,8 +3,8 @@
 import math
 
 from shoot.evaluation.report import MODEL
-from shoot.html_report.columns import Column
 from shoot.metrics.bootstrap import Interval
+from shoot.report.html.columns import Column
 
 DASH = "–"
 _MINUS = "−"

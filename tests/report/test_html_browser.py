@@ -9,8 +9,8 @@ import pytest
 from html_fixture import HOSTILE, hostile_page, make_card, make_report
 from playwright.sync_api import Browser, Dialog, Page, Playwright, Request, sync_playwright
 
-from shoot.html_report import PageDetails, render_page, write_page
-from shoot.html_report.page import POLICY
+from shoot.report.html import PageDetails, render_page, write_page
+from shoot.report.html.page import POLICY
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 # Nobody listens there; asking is seen all the same.

@@ -1,0 +1,1 @@
+"""A report for people: in a terminal, as a page, with pictures of samples."""
