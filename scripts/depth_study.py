@@ -11,8 +11,8 @@ import tyro
 
 from lss_core.bounds import Count, check_settings
 from shoot.cli.app import run
-from shoot.depth_study import DepthStudy, format_depth_study, study_depth
 from shoot.prediction.run import open_run
+from shoot.studies.depth import DepthStudy, format_depth_study, study_depth
 from shoot.training.data import load_split
 
 

@@ -15,13 +15,13 @@ import tyro
 
 from lss_core.bounds import Workers, check_settings
 from shoot.cli.app import run
-from shoot.intersections import find_questions
 from shoot.prediction.run import open_run, predict
 from shoot.rendering import save_figure
+from shoot.studies.turn_leak.answers import answer
+from shoot.studies.turn_leak.figure import render_leak
+from shoot.studies.turn_leak.intersections import find_questions
+from shoot.studies.turn_leak.report import LeakReport, format_leak, report
 from shoot.training.data import load_split
-from shoot.turn_leak.answers import answer
-from shoot.turn_leak.figure import render_leak
-from shoot.turn_leak.report import LeakReport, format_leak, report
 
 
 @dataclass(frozen=True)

@@ -9,14 +9,14 @@ import torch
 from world_fixture import TinyRun
 
 from lss_core.errors import DataError
-from shoot.depth_study import (
+from shoot.metrics.ranks import negative_log_likelihood
+from shoot.prediction.run import open_run, predict
+from shoot.studies.depth import (
     DEPTHS,
     format_depth_study,
     study_depth,
     tell_depth,
 )
-from shoot.metrics.ranks import negative_log_likelihood
-from shoot.prediction.run import open_run, predict
 from shoot.training.data import load_split
 
 DEPTHS_M = (4.0, 6.0, 8.0, 10.0)

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Shaped
 
 from lss_core.strict_json import save_json
 from shoot.metrics.bootstrap import NUM_DRAWS, SEED, Interval, interval
-from shoot.turn_leak.answers import Answers, Array, Question, approach_weights
+from shoot.studies.turn_leak.answers import Answers, Array, Question, approach_weights
 
 DISTANCE_BIN_M, REACH_M = 7.5, 45.0
 

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from shoot.turn_leak.answers import (
+from shoot.studies.turn_leak.answers import (
     Answers,
     Direction,
     Question,
@@ -16,8 +16,8 @@ from shoot.turn_leak.answers import (
     answer,
     ways_of_paths,
 )
-from shoot.turn_leak.figure import render_leak
-from shoot.turn_leak.report import (
+from shoot.studies.turn_leak.figure import render_leak
+from shoot.studies.turn_leak.report import (
     auc,
     format_leak,
     left_right_score,

@@ -14,8 +14,8 @@ from joblib import Parallel, delayed
 from lss_core.data.splits import official_scenes
 from lss_core.errors import DataError
 from lss_core.geometry import FloatArray
+from shoot.studies.turn_leak.answers import Question
 from shoot.training.data import LabelledSplit
-from shoot.turn_leak.answers import Question
 from shoot.world.approaches import find_approaches, way_ahead
 from shoot.world.capture import LIDAR_PERIOD_S
 from shoot.world.roads import make_town

@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from shoot.rendering import palette
-from shoot.turn_leak.report import REACH_M, LeakReport
+from shoot.studies.turn_leak.report import REACH_M, LeakReport
 
 # Bins with fewer approaches are left out: their points would only be noise.
 LEAST_APPROACHES = 4

@@ -8,7 +8,7 @@ from world_fixture import result_beside
 
 from lss_core.config import DataConfig
 from lss_core.errors import DataError
-from shoot.intersections import find_questions, scene_origin
+from shoot.studies.turn_leak.intersections import find_questions, scene_origin
 from shoot.templates import TemplateSet
 from shoot.training.data import LabelledSplit, load_split
 from shoot.world.writer import CARD, VERSION, MakeWorldConfig, make_world

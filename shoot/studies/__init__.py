@@ -1,0 +1,1 @@
+"""Questions about what a planner has learned, each asked once."""
