@@ -11,11 +11,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from shoot.world.curves import arc_lengths, cut
 from shoot.world.driver import follow_lanes
 from shoot.world.junctions import SignalPlan
 from shoot.world.scenario import BURN_IN_S, BURN_IN_STEPS, simulate
-from shoot.world.town import FloatArray, Town
+from shoot.world.town.curves import arc_lengths, cut
+from shoot.world.town.town import FloatArray, Town
 from shoot.world.traffic import STEP_S, Car, Traffic
 from shoot.world.walkers import Pavements, Walker
 

@@ -16,7 +16,7 @@ from shoot.world.scenery import ego_pose
 from shoot.world.sensors import CitySensors, Sweep
 from shoot.world.tables import AnnotationBook, calibration_rows, pose_row
 from shoot.world.tiling import LOCATIONS, Tile, seed_of
-from shoot.world.town import FloatArray, Town
+from shoot.world.town.town import FloatArray, Town
 
 LIDAR = "LIDAR_TOP"
 LIDAR_PERIOD_S = 0.05

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from shoot.world.meshes import SHADOW, Float32Array, Int32Array
 from shoot.world.scenery import NO_OBJECT, Solid
-from shoot.world.town import FloatArray
+from shoot.world.town.town import FloatArray
 
 SIGHT_M = 320.0
 _NO_GROUND_M = 2 * SIGHT_M

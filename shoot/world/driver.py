@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lss_core.geometry import direction_of
-from shoot.world.curves import arc_lengths
-from shoot.world.town import FloatArray, Lane, Town
+from shoot.world.town.curves import arc_lengths
+from shoot.world.town.town import FloatArray, Lane, Town
 
 ROUTE_STEP_M = 0.5
 ACCEL_MPS2 = 2.4

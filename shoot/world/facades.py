@@ -5,7 +5,7 @@ import numpy as np
 from shoot.world.light import Light
 from shoot.world.meshes import FACADE, Float32Array, Int32Array
 from shoot.world.scenery import Solid
-from shoot.world.town import Town
+from shoot.world.town.town import Town
 
 # By style: distance between windows and floors in metres, a window's share of each.
 _STEP_M = np.array([2.6, 3.4, 1.9, 4.2], np.float32)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from shoot.world.light import Light
 from shoot.world.meshes import Float32Array
 from shoot.world.paint import MARGIN_M, Canvas, ImageArray, Paint
-from shoot.world.town import FloatArray, Town
+from shoot.world.town.town import FloatArray, Town
 
 _RED_BLUE, _LOW, _BYTE = np.uint32(0x00FF00FF), np.uint32(0xFF), np.uint32(8)
 

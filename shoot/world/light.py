@@ -6,7 +6,7 @@ import numpy as np
 
 from shoot.world.meshes import Float32Array
 from shoot.world.recording import Look
-from shoot.world.town import FloatArray
+from shoot.world.town.town import FloatArray
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from lss_core.files import write_atomically
 from shoot.world.paint import polygons_of
 from shoot.world.tables import rounded
 from shoot.world.tiling import TILE_M, Location
-from shoot.world.town import FloatArray, Lane, Town
+from shoot.world.town.town import FloatArray, Lane, Town
 
 MASK_CELL_M = 0.1
 _LAYERS = (

@@ -10,7 +10,7 @@ import numpy as np
 
 from shoot.world import meshes
 from shoot.world.meshes import FACADE, GLASS, LAMP, NO_TAG, Float32Array, Mesh, linear_rgb
-from shoot.world.town import Building, FloatArray, Prop, Signal
+from shoot.world.town.town import Building, FloatArray, Prop, Signal
 
 TAIL_LAMP, HEAD_LAMP, HIGH_BRAKE_LAMP, STREET_LAMP = 1, 2, 3, 4
 SIGNAL_LAMPS = 100  # tag of a signal's lamp: SIGNAL_LAMPS + 3 * signal + colour

@@ -13,7 +13,7 @@ import shapely.ops
 from numpy.typing import NDArray
 
 from shoot.world.meshes import Float32Array
-from shoot.world.town import FloatArray, RoadLine, Town
+from shoot.world.town.town import FloatArray, RoadLine, Town
 
 ImageArray = NDArray[np.uint8]
 

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from shoot.world.town import FloatArray
+from shoot.world.town.town import FloatArray
 
 RED, AMBER, GREEN = 0, 1, 2
 # Cameras draw road users up to here, and a recording keeps all who ever come nearer: were the cut

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from shoot.world.meshes import Float32Array
-from shoot.world.town import FloatArray
+from shoot.world.town.town import FloatArray
 
 FULL_WIDTH_PX, FULL_HEIGHT_PX = 1600, 900
 LIDAR_RINGS = 32

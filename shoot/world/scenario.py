@@ -5,7 +5,7 @@ import numpy as np
 from lss_core.geometry import direction_of
 from shoot.world.junctions import SignalPlan, plan_signals
 from shoot.world.recording import AGENT_SIGHT_M, Agent, Look, Recording
-from shoot.world.town import FloatArray, Town
+from shoot.world.town.town import FloatArray, Town
 from shoot.world.traffic import STEP_S, Car, Traffic, place_cars
 from shoot.world.walkers import Pavements, Walker, send_walkers
 

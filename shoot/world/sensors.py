@@ -20,7 +20,7 @@ from shoot.world.paint import ImageArray, Paint
 from shoot.world.recording import AGENT_SIGHT_M, Look, Recording
 from shoot.world.rig import Camera, Rig, rotation_z
 from shoot.world.scenery import Lamps, Scenery, Solid, ego_pose, join_lamps
-from shoot.world.town import FloatArray, Town
+from shoot.world.town.town import FloatArray, Town
 
 LIDAR_REACH_M = 90.0
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from lss_core.data.table_rows import Row, chain, token
 from shoot.world.rig import Rig, quaternion_wxyz
-from shoot.world.town import FloatArray
+from shoot.world.town.town import FloatArray
 
 CATEGORIES = {
     "car": ("vehicle.car", "Cars that move or could."),

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from lss_core.data.table_rows import token
-from shoot.world.town import FloatArray
+from shoot.world.town.town import FloatArray
 
 Split = Literal["train", "val"]
 

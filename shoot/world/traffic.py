@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shoot.footprint import EGO_LENGTH_M, EGO_REAR_M, EGO_WIDTH_M
-from shoot.world.curves import arc_lengths
 from shoot.world.driver import (
     ACCEL_MPS2,
     BRAKE_MPS2,
@@ -19,7 +18,8 @@ from shoot.world.driver import (
 )
 from shoot.world.junctions import PathRules, SignalPlan, path_rules
 from shoot.world.recording import GREEN
-from shoot.world.town import FloatArray, Lane, Town
+from shoot.world.town.curves import arc_lengths
+from shoot.world.town.town import FloatArray, Lane, Town
 from shoot.world.walkers import Pavements
 
 STEP_S = 0.1

@@ -28,10 +28,10 @@ from shoot.world.capture import LIDAR, SceneOrder, capture_scene, texel_m
 from shoot.world.maps import canvas_of, merge_layers, town_layers, town_mask, write_mask
 from shoot.world.paint import paint_unlit
 from shoot.world.rig import CAMERA_PLANS
-from shoot.world.roads import make_town
 from shoot.world.tables import fixed_tables
 from shoot.world.tiling import LOCATIONS, TILE_M, Split, Tile, seed_of, tile_of
-from shoot.world.town import Town
+from shoot.world.town.roads import make_town
+from shoot.world.town.town import Town
 
 VERSION = "v1.0-trainval"
 CARD = "world.json"

@@ -6,9 +6,9 @@ import shapely
 from world_fixture import result_beside
 
 from shoot.world.recording import GREEN, RED, Recording
-from shoot.world.roads import make_town
 from shoot.world.scenario import describe, make_look, make_scenario
-from shoot.world.town import FloatArray, Town
+from shoot.world.town.roads import make_town
+from shoot.world.town.town import FloatArray, Town
 
 NUM_SCENES = 6
 EGO_LENGTH_M, EGO_WIDTH_M, EGO_REAR_M = 4.1, 1.85, 1.0

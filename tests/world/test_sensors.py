@@ -15,7 +15,7 @@ from shoot.world.recording import GREEN, RED, Agent, Look, Recording
 from shoot.world.rig import Camera, make_rig, rotation_z
 from shoot.world.scenery import ego_pose
 from shoot.world.sensors import CitySensors
-from shoot.world.town import Building, Lane, Prop, RoadLine, Signal, Town
+from shoot.world.town.town import Building, Lane, Prop, RoadLine, Signal, Town
 
 DAY = Look("day", False, 2.0)
 NIGHT = Look("night", False, 2.0)

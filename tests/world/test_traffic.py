@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 from world_fixture import result_beside
 
-from shoot.world.curves import arc_lengths
 from shoot.world.driver import (
     BRAKE_MPS2,
     ROUTE_STEP_M,
@@ -13,9 +12,10 @@ from shoot.world.driver import (
 )
 from shoot.world.junctions import PathRules, SignalPlan, path_rules
 from shoot.world.recording import AMBER, GREEN, RED
-from shoot.world.roads import make_town
 from shoot.world.scenario import simulate
-from shoot.world.town import Town
+from shoot.world.town.curves import arc_lengths
+from shoot.world.town.roads import make_town
+from shoot.world.town.town import Town
 from shoot.world.traffic import STEP_S, Car, Traffic
 from shoot.world.walkers import Pavements
 

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
-from shoot.world.curves import arc_lengths, cut, normals, parallel, point_at, resample
-from shoot.world.network import NARROW, RoadKind
-from shoot.world.town import Building, Crosswalk, FloatArray, ParkedCar, Prop, Signal
+from shoot.world.town.curves import arc_lengths, cut, normals, parallel, point_at, resample
+from shoot.world.town.network import NARROW, RoadKind
+from shoot.world.town.town import Building, Crosswalk, FloatArray, ParkedCar, Prop, Signal
 
 Road = tuple[FloatArray, RoadKind]
 PARKING_SHARE = {"narrow": 0.75, "normal": 0.3, "wide": 0.0}

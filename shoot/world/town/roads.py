@@ -6,10 +6,10 @@ from typing import Literal
 import numpy as np
 import shapely
 
-from shoot.world.curves import arc_lengths, cut, parallel, point_at, resample, turn_between
-from shoot.world.network import Arm, Plan, PlannedRoad, plan_town
-from shoot.world.roadside import furnish, park_cars
-from shoot.world.town import (
+from shoot.world.town.curves import arc_lengths, cut, parallel, point_at, resample, turn_between
+from shoot.world.town.network import Arm, Plan, PlannedRoad, plan_town
+from shoot.world.town.roadside import furnish, park_cars
+from shoot.world.town.town import (
     Crosswalk,
     FloatArray,
     Intersection,

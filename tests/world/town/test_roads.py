@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import shapely
 
-from shoot.world.curves import arc_lengths, cut, parallel, round_corners, turn_between
-from shoot.world.network import NARROW, NORMAL, SPEED_PER_WIDTH_PER_S, WIDE
-from shoot.world.roads import make_town
-from shoot.world.town import Town
+from shoot.world.town.curves import arc_lengths, cut, parallel, round_corners, turn_between
+from shoot.world.town.network import NARROW, NORMAL, SPEED_PER_WIDTH_PER_S, WIDE
+from shoot.world.town.roads import make_town
+from shoot.world.town.town import Town
 
 SEEDS = range(6)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from shoot.world.town import FloatArray
+from shoot.world.town.town import FloatArray
 
 
 def arc_lengths(points_m: FloatArray) -> FloatArray:

@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shoot.world.curves import round_corners
-from shoot.world.town import FloatArray
+from shoot.world.town.curves import round_corners
+from shoot.world.town.town import FloatArray
 
 GRID_NODES = 4
 GRID_GAP_M = (84.0, 104.0)

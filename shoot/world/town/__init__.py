@@ -1,0 +1,1 @@
+"""What stands still: a town from a seed."""
