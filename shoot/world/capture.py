@@ -11,12 +11,12 @@ from lss_core.data.table_rows import Row, chain, token
 from lss_core.files import write_atomically
 from shoot.world.paint import Paint
 from shoot.world.rig import make_rig
-from shoot.world.scenario import describe, make_look, make_scenario
 from shoot.world.scenery import ego_pose
 from shoot.world.sensors import CitySensors, Sweep
 from shoot.world.tables import AnnotationBook, calibration_rows, pose_row
 from shoot.world.tiling import LOCATIONS, Tile, seed_of
 from shoot.world.town.town import FloatArray, Town
+from shoot.world.traffic.scenario import describe, make_look, make_scenario
 
 LIDAR = "LIDAR_TOP"
 LIDAR_PERIOD_S = 0.05

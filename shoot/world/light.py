@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from shoot.world.meshes import Float32Array
-from shoot.world.recording import Look
 from shoot.world.town.town import FloatArray
+from shoot.world.traffic.recording import Look
 
 
 @dataclass(frozen=True)

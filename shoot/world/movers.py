@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from shoot.world import models
 from shoot.world.light import Light, lit
 from shoot.world.meshes import LAMP, NO_TAG, SHADOW, Float32Array, Int32Array, Mesh
-from shoot.world.recording import Recording
 from shoot.world.scenery import NO_OBJECT, Lamps, Solid, embree_scene, no_lamps, no_solid
 from shoot.world.town.town import FloatArray
+from shoot.world.traffic.recording import Recording
 
 BRAKE_RGB = np.array([1.5, 0.05, 0.03], np.float32)
 _TAIL_RGB = np.array([0.22, 0.008, 0.006], np.float32)

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from shoot.world import meshes, models
 from shoot.world.light import Light, lit
 from shoot.world.meshes import LAMP, Float32Array, Int32Array, Mesh
-from shoot.world.recording import Recording
 from shoot.world.town.town import FloatArray, Town
+from shoot.world.traffic.recording import Recording
 
 NO_OBJECT = -1
 SIGNAL_RGB = np.array([[1.3, 0.03, 0.02], [1.25, 0.50, 0.02], [0.04, 1.15, 0.42]], np.float32)

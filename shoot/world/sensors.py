@@ -17,10 +17,10 @@ from shoot.world.light import Light, light_of
 from shoot.world.meshes import FACADE, GLASS, Float32Array, Int32Array
 from shoot.world.movers import Moment, Movers
 from shoot.world.paint import ImageArray, Paint
-from shoot.world.recording import AGENT_SIGHT_M, Look, Recording
 from shoot.world.rig import Camera, Rig, rotation_z
 from shoot.world.scenery import Lamps, Scenery, Solid, ego_pose, join_lamps
 from shoot.world.town.town import FloatArray, Town
+from shoot.world.traffic.recording import AGENT_SIGHT_M, Look, Recording
 
 LIDAR_REACH_M = 90.0
 

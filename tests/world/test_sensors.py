@@ -11,11 +11,11 @@ from shoot.world.ground import light_ground
 from shoot.world.light import light_of
 from shoot.world.movers import Movers
 from shoot.world.paint import crosswalk_stripes, paint_unlit
-from shoot.world.recording import GREEN, RED, Agent, Look, Recording
 from shoot.world.rig import Camera, make_rig, rotation_z
 from shoot.world.scenery import ego_pose
 from shoot.world.sensors import CitySensors
 from shoot.world.town.town import Building, Lane, Prop, RoadLine, Signal, Town
+from shoot.world.traffic.recording import GREEN, RED, Agent, Look, Recording
 
 DAY = Look("day", False, 2.0)
 NIGHT = Look("night", False, 2.0)

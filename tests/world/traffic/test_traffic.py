@@ -2,7 +2,10 @@ import numpy as np
 import pytest
 from world_fixture import result_beside
 
-from shoot.world.driver import (
+from shoot.world.town.curves import arc_lengths
+from shoot.world.town.roads import make_town
+from shoot.world.town.town import Town
+from shoot.world.traffic.driver import (
     BRAKE_MPS2,
     ROUTE_STEP_M,
     follow_accel,
@@ -10,14 +13,11 @@ from shoot.world.driver import (
     plan_route,
     stop_accel,
 )
-from shoot.world.junctions import PathRules, SignalPlan, path_rules
-from shoot.world.recording import AMBER, GREEN, RED
-from shoot.world.scenario import simulate
-from shoot.world.town.curves import arc_lengths
-from shoot.world.town.roads import make_town
-from shoot.world.town.town import Town
-from shoot.world.traffic import STEP_S, Car, Traffic
-from shoot.world.walkers import Pavements
+from shoot.world.traffic.junctions import PathRules, SignalPlan, path_rules
+from shoot.world.traffic.recording import AMBER, GREEN, RED
+from shoot.world.traffic.scenario import simulate
+from shoot.world.traffic.traffic import STEP_S, Car, Traffic
+from shoot.world.traffic.walkers import Pavements
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shoot.footprint import EGO_LENGTH_M, EGO_REAR_M, EGO_WIDTH_M
-from shoot.world.driver import (
+from shoot.world.town.curves import arc_lengths
+from shoot.world.town.town import FloatArray, Lane, Town
+from shoot.world.traffic.driver import (
     ACCEL_MPS2,
     BRAKE_MPS2,
     ROUTE_STEP_M,
@@ -16,11 +18,9 @@ from shoot.world.driver import (
     plan_route,
     stop_accel,
 )
-from shoot.world.junctions import PathRules, SignalPlan, path_rules
-from shoot.world.recording import GREEN
-from shoot.world.town.curves import arc_lengths
-from shoot.world.town.town import FloatArray, Lane, Town
-from shoot.world.walkers import Pavements
+from shoot.world.traffic.junctions import PathRules, SignalPlan, path_rules
+from shoot.world.traffic.recording import GREEN
+from shoot.world.traffic.walkers import Pavements
 
 STEP_S = 0.1
 SIGHT_M = 60.0

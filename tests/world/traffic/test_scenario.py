@@ -5,10 +5,10 @@ import pytest
 import shapely
 from world_fixture import result_beside
 
-from shoot.world.recording import GREEN, RED, Recording
-from shoot.world.scenario import describe, make_look, make_scenario
 from shoot.world.town.roads import make_town
 from shoot.world.town.town import FloatArray, Town
+from shoot.world.traffic.recording import GREEN, RED, Recording
+from shoot.world.traffic.scenario import describe, make_look, make_scenario
 
 NUM_SCENES = 6
 EGO_LENGTH_M, EGO_WIDTH_M, EGO_REAR_M = 4.1, 1.85, 1.0

@@ -3,14 +3,14 @@ import pytest
 from numpy.typing import NDArray
 from world_fixture import result_beside
 
-from shoot.world.approaches import EGO_PARTS_M, Approach, find_approaches, way_ahead
-from shoot.world.driver import BRAKE_MPS2, follow_lanes
-from shoot.world.recording import GREEN, Recording
-from shoot.world.scenario import BURN_IN_STEPS, make_scenario, simulate
 from shoot.world.town.curves import arc_lengths
 from shoot.world.town.roads import make_town
 from shoot.world.town.town import FloatArray, Lane, Town
-from shoot.world.traffic import STEP_S
+from shoot.world.traffic.approaches import EGO_PARTS_M, Approach, find_approaches, way_ahead
+from shoot.world.traffic.driver import BRAKE_MPS2, follow_lanes
+from shoot.world.traffic.recording import GREEN, Recording
+from shoot.world.traffic.scenario import BURN_IN_STEPS, make_scenario, simulate
+from shoot.world.traffic.traffic import STEP_S
 
 DURATION_S = 12.0
 # Seed of town and scene, and what came of it.

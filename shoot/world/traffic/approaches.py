@@ -11,13 +11,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from shoot.world.driver import follow_lanes
-from shoot.world.junctions import SignalPlan
-from shoot.world.scenario import BURN_IN_S, BURN_IN_STEPS, simulate
 from shoot.world.town.curves import arc_lengths, cut
 from shoot.world.town.town import FloatArray, Town
-from shoot.world.traffic import STEP_S, Car, Traffic
-from shoot.world.walkers import Pavements, Walker
+from shoot.world.traffic.driver import follow_lanes
+from shoot.world.traffic.junctions import SignalPlan
+from shoot.world.traffic.scenario import BURN_IN_S, BURN_IN_STEPS, simulate
+from shoot.world.traffic.traffic import STEP_S, Car, Traffic
+from shoot.world.traffic.walkers import Pavements, Walker
 
 NEAR_M = 80.0
 # Runs that part do so by centimetres at once; what is below is rounding.

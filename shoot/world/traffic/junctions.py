@@ -7,9 +7,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from shoot.world.recording import AMBER, GREEN, RED
 from shoot.world.town.curves import arc_lengths, normals, resample
 from shoot.world.town.town import FloatArray, Town
+from shoot.world.traffic.recording import AMBER, GREEN, RED
 
 AMBER_S = 3.0
 ALL_RED_S = 1.5

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import shapely
 
-from shoot.world.junctions import AMBER_S, SignalPlan
-from shoot.world.recording import RED
 from shoot.world.town.curves import arc_lengths, point_at
 from shoot.world.town.town import FloatArray, Town
+from shoot.world.traffic.junctions import AMBER_S, SignalPlan
+from shoot.world.traffic.recording import RED
 
 KERB_ROOM_M = 0.6
 PAVEMENT_EDGE_M = 0.35
