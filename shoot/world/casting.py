@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shoot.world.meshes import SHADOW, Float32Array, Int32Array
-from shoot.world.scenery import NO_OBJECT, Solid
+from shoot.world.looks.meshes import SHADOW, Float32Array, Int32Array
+from shoot.world.looks.scenery import NO_OBJECT, Solid
 from shoot.world.town.town import FloatArray
 
 SIGHT_M = 320.0

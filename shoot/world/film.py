@@ -3,9 +3,9 @@
 import cv2
 import numpy as np
 
-from shoot.world.light import Light
-from shoot.world.meshes import Float32Array
-from shoot.world.paint import ImageArray
+from shoot.world.looks.light import Light
+from shoot.world.looks.meshes import Float32Array
+from shoot.world.looks.paint import ImageArray
 
 _TILE_PX = 1024
 

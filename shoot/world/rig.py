@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shoot.world.meshes import Float32Array
+from shoot.world.looks.meshes import Float32Array
 from shoot.world.town.town import FloatArray
 
 FULL_WIDTH_PX, FULL_HEIGHT_PX = 1600, 900

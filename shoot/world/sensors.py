@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from shoot.world import film
 from shoot.world.casting import SIGHT_M, Hits, cast, objects_met, trace
-from shoot.world.facades import Facades
-from shoot.world.ground import light_ground
-from shoot.world.light import Light, light_of
-from shoot.world.meshes import FACADE, GLASS, Float32Array, Int32Array
-from shoot.world.movers import Moment, Movers
-from shoot.world.paint import ImageArray, Paint
+from shoot.world.looks.facades import Facades
+from shoot.world.looks.ground import light_ground
+from shoot.world.looks.light import Light, light_of
+from shoot.world.looks.meshes import FACADE, GLASS, Float32Array, Int32Array
+from shoot.world.looks.movers import Moment, Movers
+from shoot.world.looks.paint import ImageArray, Paint
+from shoot.world.looks.scenery import Lamps, Scenery, Solid, ego_pose, join_lamps
 from shoot.world.rig import Camera, Rig, rotation_z
-from shoot.world.scenery import Lamps, Scenery, Solid, ego_pose, join_lamps
 from shoot.world.town.town import FloatArray, Town
 from shoot.world.traffic.recording import AGENT_SIGHT_M, Look, Recording
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from shoot.world.light import Light
-from shoot.world.meshes import FACADE, Float32Array, Int32Array
-from shoot.world.scenery import Solid
+from shoot.world.looks.light import Light
+from shoot.world.looks.meshes import FACADE, Float32Array, Int32Array
+from shoot.world.looks.scenery import Solid
 from shoot.world.town.town import Town
 
 # By style: distance between windows and floors in metres, a window's share of each.

@@ -8,8 +8,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from shoot.world import meshes
-from shoot.world.meshes import FACADE, GLASS, LAMP, NO_TAG, Float32Array, Mesh, linear_rgb
+from shoot.world.looks import meshes
+from shoot.world.looks.meshes import FACADE, GLASS, LAMP, NO_TAG, Float32Array, Mesh, linear_rgb
 from shoot.world.town.town import Building, FloatArray, Prop, Signal
 
 TAIL_LAMP, HEAD_LAMP, HIGH_BRAKE_LAMP, STREET_LAMP = 1, 2, 3, 4

@@ -12,7 +12,7 @@ import shapely
 import shapely.ops
 from numpy.typing import NDArray
 
-from shoot.world.meshes import Float32Array
+from shoot.world.looks.meshes import Float32Array
 from shoot.world.town.town import FloatArray, RoadLine, Town
 
 ImageArray = NDArray[np.uint8]

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shoot.world.meshes import Float32Array
+from shoot.world.looks.meshes import Float32Array
 from shoot.world.town.town import FloatArray
 from shoot.world.traffic.recording import Look
 

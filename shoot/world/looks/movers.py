@@ -6,10 +6,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from shoot.world import models
-from shoot.world.light import Light, lit
-from shoot.world.meshes import LAMP, NO_TAG, SHADOW, Float32Array, Int32Array, Mesh
-from shoot.world.scenery import NO_OBJECT, Lamps, Solid, embree_scene, no_lamps, no_solid
+from shoot.world.looks import models
+from shoot.world.looks.light import Light, lit
+from shoot.world.looks.meshes import LAMP, NO_TAG, SHADOW, Float32Array, Int32Array, Mesh
+from shoot.world.looks.scenery import NO_OBJECT, Lamps, Solid, embree_scene, no_lamps, no_solid
 from shoot.world.town.town import FloatArray
 from shoot.world.traffic.recording import Recording
 

@@ -9,9 +9,9 @@ from embreex.rtcore import EmbreeDevice
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
-from shoot.world import meshes, models
-from shoot.world.light import Light, lit
-from shoot.world.meshes import LAMP, Float32Array, Int32Array, Mesh
+from shoot.world.looks import meshes, models
+from shoot.world.looks.light import Light, lit
+from shoot.world.looks.meshes import LAMP, Float32Array, Int32Array, Mesh
 from shoot.world.town.town import FloatArray, Town
 from shoot.world.traffic.recording import Recording
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from shoot.world import models
-from shoot.world.meshes import ball, box, join, tube
+from shoot.world.looks import models
+from shoot.world.looks.meshes import ball, box, join, tube
 
 
 @pytest.mark.parametrize(

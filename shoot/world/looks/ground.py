@@ -10,9 +10,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from shoot.world.light import Light
-from shoot.world.meshes import Float32Array
-from shoot.world.paint import MARGIN_M, Canvas, ImageArray, Paint
+from shoot.world.looks.light import Light
+from shoot.world.looks.meshes import Float32Array
+from shoot.world.looks.paint import MARGIN_M, Canvas, ImageArray, Paint
 from shoot.world.town.town import FloatArray, Town
 
 _RED_BLUE, _LOW, _BYTE = np.uint32(0x00FF00FF), np.uint32(0xFF), np.uint32(8)
