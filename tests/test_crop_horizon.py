@@ -17,7 +17,7 @@ from lss_core.data.dataset import CameraDataset
 from lss_core.data.images import PixelMap, draw_pixel_map
 from lss_core.data.samples import load_index
 from shoot.training.config import PRESETS
-from shoot.world.rig import make_rig
+from shoot.world.sensing.rig import make_rig
 
 # Argoverse 2's front camera stands on its side: sizes and focal length as its users name them.
 PORTRAIT_HW, PORTRAIT_FOCAL_PX = (2048, 1550), 1685.0

@@ -11,8 +11,8 @@ from lss_core.data.table_rows import Row, chain, token
 from lss_core.files import write_atomically
 from shoot.world.looks.paint import Paint
 from shoot.world.looks.scenery import ego_pose
-from shoot.world.rig import make_rig
-from shoot.world.sensors import CitySensors, Sweep
+from shoot.world.sensing.rig import make_rig
+from shoot.world.sensing.sensors import CitySensors, Sweep
 from shoot.world.tables import AnnotationBook, calibration_rows, pose_row
 from shoot.world.tiling import LOCATIONS, Tile, seed_of
 from shoot.world.town.town import FloatArray, Town

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from lss_core.data.table_rows import Row, chain, token
-from shoot.world.rig import Rig, quaternion_wxyz
+from shoot.world.sensing.rig import Rig, quaternion_wxyz
 from shoot.world.town.town import FloatArray
 
 CATEGORIES = {

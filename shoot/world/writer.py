@@ -27,7 +27,7 @@ from shoot.jobs.parallel import run_jobs
 from shoot.world.capture import LIDAR, SceneOrder, capture_scene, texel_m
 from shoot.world.looks.paint import paint_unlit
 from shoot.world.maps import canvas_of, merge_layers, town_layers, town_mask, write_mask
-from shoot.world.rig import CAMERA_PLANS
+from shoot.world.sensing.rig import CAMERA_PLANS
 from shoot.world.tables import fixed_tables
 from shoot.world.tiling import LOCATIONS, TILE_M, Split, Tile, seed_of, tile_of
 from shoot.world.town.roads import make_town

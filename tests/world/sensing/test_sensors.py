@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 import shapely
 
-from shoot.world.casting import cast
 from shoot.world.looks.ground import light_ground
 from shoot.world.looks.light import light_of
 from shoot.world.looks.movers import Movers
 from shoot.world.looks.paint import crosswalk_stripes, paint_unlit
 from shoot.world.looks.scenery import ego_pose
-from shoot.world.rig import Camera, make_rig, rotation_z
-from shoot.world.sensors import CitySensors
+from shoot.world.sensing.casting import cast
+from shoot.world.sensing.rig import Camera, make_rig, rotation_z
+from shoot.world.sensing.sensors import CitySensors
 from shoot.world.town.town import Building, Lane, Prop, RoadLine, Signal, Town
 from shoot.world.traffic.recording import GREEN, RED, Agent, Look, Recording
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from shoot.world.rig import Rig, make_rig, quaternion_wxyz, rotation_z
+from shoot.world.sensing.rig import Rig, make_rig, quaternion_wxyz, rotation_z
 
 
 def test_rig_is_close_to_its_plan_and_differs_between_scenes():

@@ -9,8 +9,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from shoot.world import film
-from shoot.world.casting import SIGHT_M, Hits, cast, objects_met, trace
 from shoot.world.looks.facades import Facades
 from shoot.world.looks.ground import light_ground
 from shoot.world.looks.light import Light, light_of
@@ -18,7 +16,9 @@ from shoot.world.looks.meshes import FACADE, GLASS, Float32Array, Int32Array
 from shoot.world.looks.movers import Moment, Movers
 from shoot.world.looks.paint import ImageArray, Paint
 from shoot.world.looks.scenery import Lamps, Scenery, Solid, ego_pose, join_lamps
-from shoot.world.rig import Camera, Rig, rotation_z
+from shoot.world.sensing import film
+from shoot.world.sensing.casting import SIGHT_M, Hits, cast, objects_met, trace
+from shoot.world.sensing.rig import Camera, Rig, rotation_z
 from shoot.world.town.town import FloatArray, Town
 from shoot.world.traffic.recording import AGENT_SIGHT_M, Look, Recording
 

@@ -1,0 +1,1 @@
+"""Cameras and lidar that look at it by casting rays."""
