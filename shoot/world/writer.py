@@ -24,12 +24,12 @@ from lss_core.errors import DataError
 from lss_core.files import clear_leftovers, name_errors, sole_writer, write_atomically
 from lss_core.progress import progress
 from shoot.jobs.parallel import run_jobs
-from shoot.world.capture import LIDAR, SceneOrder, capture_scene, texel_m
 from shoot.world.looks.paint import paint_unlit
-from shoot.world.maps import canvas_of, merge_layers, town_layers, town_mask, write_mask
+from shoot.world.nuscenes.capture import LIDAR, SceneOrder, capture_scene, texel_m
+from shoot.world.nuscenes.maps import canvas_of, merge_layers, town_layers, town_mask, write_mask
+from shoot.world.nuscenes.tables import fixed_tables
+from shoot.world.nuscenes.tiling import LOCATIONS, TILE_M, Split, Tile, seed_of, tile_of
 from shoot.world.sensing.rig import CAMERA_PLANS
-from shoot.world.tables import fixed_tables
-from shoot.world.tiling import LOCATIONS, TILE_M, Split, Tile, seed_of, tile_of
 from shoot.world.town.roads import make_town
 from shoot.world.town.town import Town
 

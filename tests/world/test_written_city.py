@@ -13,9 +13,9 @@ from small_city import DURATION_S, config
 
 from lss_core.data.splits import official_scenes
 from shoot.world import writer
-from shoot.world.capture import LIDAR_PERIOD_S, keyframe_steps
 from shoot.world.looks.scenery import ego_pose
-from shoot.world.tiling import TILE_M, seed_of, tile_of
+from shoot.world.nuscenes.capture import LIDAR_PERIOD_S, keyframe_steps
+from shoot.world.nuscenes.tiling import TILE_M, seed_of, tile_of
 from shoot.world.town.roads import make_town
 from shoot.world.traffic.scenario import make_look, make_scenario
 from shoot.world.writer import VERSION, make_world

@@ -16,8 +16,8 @@ from lss_core.errors import DataError
 from lss_core.geometry import FloatArray
 from shoot.studies.turn_leak.answers import Question
 from shoot.training.data import LabelledSplit
-from shoot.world.capture import LIDAR_PERIOD_S
-from shoot.world.tiling import Split, seed_of, tile_of
+from shoot.world.nuscenes.capture import LIDAR_PERIOD_S
+from shoot.world.nuscenes.tiling import Split, seed_of, tile_of
 from shoot.world.town.roads import make_town
 from shoot.world.traffic.approaches import find_approaches, way_ahead
 from shoot.world.writer import CARD, VERSION, WORLD_FORMAT

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from lss_core.data.table_rows import Row, token
 from lss_core.files import write_atomically
 from shoot.world.looks.paint import polygons_of
-from shoot.world.tables import rounded
-from shoot.world.tiling import TILE_M, Location
+from shoot.world.nuscenes.tables import rounded
+from shoot.world.nuscenes.tiling import TILE_M, Location
 from shoot.world.town.town import FloatArray, Lane, Town
 
 MASK_CELL_M = 0.1

@@ -1,7 +1,7 @@
 import numpy as np
 
 from lss_core.data.table_rows import token
-from shoot.world.tiling import TILE_M, tile_of
+from shoot.world.nuscenes.tiling import TILE_M, tile_of
 
 
 def test_towns_never_share_a_place():

@@ -11,10 +11,10 @@ from lss_core.data.table_rows import Row, chain, token
 from lss_core.files import write_atomically
 from shoot.world.looks.paint import Paint
 from shoot.world.looks.scenery import ego_pose
+from shoot.world.nuscenes.tables import AnnotationBook, calibration_rows, pose_row
+from shoot.world.nuscenes.tiling import LOCATIONS, Tile, seed_of
 from shoot.world.sensing.rig import make_rig
 from shoot.world.sensing.sensors import CitySensors, Sweep
-from shoot.world.tables import AnnotationBook, calibration_rows, pose_row
-from shoot.world.tiling import LOCATIONS, Tile, seed_of
 from shoot.world.town.town import FloatArray, Town
 from shoot.world.traffic.scenario import describe, make_look, make_scenario
 

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from shoot.world.maps import arcline_path, write_mask
-from shoot.world.tiling import TILE_M
+from shoot.world.nuscenes.maps import arcline_path, write_mask
+from shoot.world.nuscenes.tiling import TILE_M
 
 
 def test_masks_are_joined_with_north_up(tmp_path: Path):

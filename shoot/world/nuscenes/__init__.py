@@ -1,0 +1,1 @@
+"""What they see as nuScenes has it: tables, maps, files."""
