@@ -23,7 +23,7 @@ from lss_core.config import CAMERAS
 from lss_core.data.pose_checks import find_flaws
 from lss_core.data.pose_repairs import likely_mistakes
 from lss_core.data.samples import SampleIndex, load_index
-from lss_core.data.tracks import Tracks
+from lss_core.data.tables.tracks import Tracks
 from lss_core.errors import DataError
 from lss_core.geometry import rigid_from_yaw
 

@@ -26,10 +26,10 @@ from tiny_tables import (
 
 from lss_core.config import CAMERAS
 from lss_core.data import samples
-from lss_core.data.array_file import save_arrays
 from lss_core.data.lidar import load_sweep
 from lss_core.data.samples import SampleIndex, load_index
-from lss_core.data.tables import TABLES
+from lss_core.data.tables.array_file import save_arrays
+from lss_core.data.tables.reading import TABLES
 from lss_core.errors import DataError
 
 SCENES = (TRAIN_A, TRAIN_B, VAL)

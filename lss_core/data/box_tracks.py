@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-from lss_core.data.problems import MAX_STEP_S
+from lss_core.data.tables.problems import MAX_STEP_S
 from lss_core.geometry import FloatArray
 
 # Nobody goes faster; parked cars side by side may be taken for one, which does no harm.

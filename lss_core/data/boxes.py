@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from lss_core.data.box_tracks import lacks_tracks
 from lss_core.data.categories import is_road_user
-from lss_core.data.problems import transform_flaws
 from lss_core.data.samples import SampleIndex
-from lss_core.data.tables import (
+from lss_core.data.tables.problems import transform_flaws
+from lss_core.data.tables.reading import (
     ANNOTATION_TABLES,
     Annotation,
     ByToken,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lss_core.data.transforms import reordered
+from lss_core.data.tables.transforms import reordered
 from lss_core.geometry import FloatArray, invert
 
 # Where a principal point is for sure wrong, and where it is for sure right: shares of the sides.

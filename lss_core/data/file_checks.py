@@ -5,8 +5,8 @@ from pathlib import Path
 from lss_core.data.image_content import content_problem
 from lss_core.data.images import open_image
 from lss_core.data.lidar import check_file
-from lss_core.data.problems import Problem
 from lss_core.data.sweep_cuts import SceneSweeps
+from lss_core.data.tables.problems import Problem
 from lss_core.errors import DataError
 
 _JPEG_END, _PNG_END = b"\xff\xd9", b"IEND"

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from lss_core.data.tracks import Motion
+from lss_core.data.tables.tracks import Motion
 from lss_core.geometry import FloatArray, wrap_angle
 
 # Further off than mountings, slip or another origin of the ego frame explain.

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from lss_core.data.tracks import Tracks
+from lss_core.data.tables.tracks import Tracks
 from lss_core.geometry import FloatArray, wrap_angle, yaw_of
 
 # One pose may serve several sensors, and clocks of sensors differ.

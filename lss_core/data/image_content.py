@@ -5,7 +5,7 @@ from pathlib import Path
 
 from PIL import ExifTags, Image
 
-from lss_core.data.problems import Problem
+from lss_core.data.tables.problems import Problem
 
 # Pillow's names for broken chunks.
 DAMAGE = (OSError, SyntaxError, ValueError, TypeError, EOFError, LookupError, struct.error)

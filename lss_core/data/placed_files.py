@@ -5,7 +5,7 @@ import os
 import shutil
 from pathlib import Path
 
-from lss_core.data.file_names import leads_astray
+from lss_core.data.tables.file_names import leads_astray
 from lss_core.errors import DataError
 from lss_core.files import write_atomically
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lss_core.data.heading_checks import heading_flaws
-from lss_core.data.tracks import Tracks
+from lss_core.data.tables.tracks import Tracks
 from lss_core.geometry import FloatArray
 
 # The steepest streets rise by 19 degrees.

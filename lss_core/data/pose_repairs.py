@@ -6,8 +6,8 @@ import numpy as np
 
 from lss_core.data.heading_checks import median_angles
 from lss_core.data.pose_checks import Flaw, find_flaws
-from lss_core.data.tracks import Tracks
-from lss_core.data.transforms import reordered
+from lss_core.data.tables.tracks import Tracks
+from lss_core.data.tables.transforms import reordered
 from lss_core.geometry import FloatArray, invert, rigid_from_yaw
 
 # The forward, left and up axes of an ego frame that was given in other axes, as its columns.

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from lss_core.data.calibration_checks import camera_flaws
 from lss_core.data.heading_checks import heading_offset
 from lss_core.data.image_checks import astray
-from lss_core.data.joins import JoinedTables
 from lss_core.data.pose_checks import Flaw, find_flaws
 from lss_core.data.pose_repairs import likely_mistakes
-from lss_core.data.problems import MAX_STEP_S, Problem, ProblemList, problem_of, step_flaws
 from lss_core.data.standing_checks import standing
-from lss_core.data.tables import CalibratedSensor, EgoPose, Record, SampleData, table_path
-from lss_core.data.tracks import Tracks
+from lss_core.data.tables.joins import JoinedTables
+from lss_core.data.tables.problems import MAX_STEP_S, Problem, ProblemList, problem_of, step_flaws
+from lss_core.data.tables.reading import CalibratedSensor, EgoPose, Record, SampleData, table_path
+from lss_core.data.tables.tracks import Tracks
 from lss_core.geometry import FloatArray
 
 # Poses so many apart are looked at, too: where times are too short, single steps are small.

@@ -15,12 +15,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lss_core.data.array_file import map_arrays, save_arrays
-from lss_core.data.joins import LIDAR, JoinedTables, join_tables
-from lss_core.data.problems import Problem
 from lss_core.data.sample_problems import find_problems
 from lss_core.data.splits import has_own_splits, scenes_of_split
-from lss_core.data.tables import TABLES
+from lss_core.data.tables.array_file import map_arrays, save_arrays
+from lss_core.data.tables.joins import LIDAR, JoinedTables, join_tables
+from lss_core.data.tables.problems import Problem
+from lss_core.data.tables.reading import TABLES
 from lss_core.errors import DataError
 from lss_core.geometry import FloatArray, interpolate_poses, yaw_of
 from lss_core.legible import legible

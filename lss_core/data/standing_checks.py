@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lss_core.data.tracks import Tracks
+from lss_core.data.tables.tracks import Tracks
 
 # Moves that are none.
 _STILL_M = 0.5

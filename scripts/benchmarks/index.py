@@ -17,7 +17,7 @@ from lss_core.config import CAMERAS
 from lss_core.data import samples
 from lss_core.data.sample_problems import SampleProblems, find_problems
 from lss_core.data.samples import SampleIndex, load_index, rows_of_split
-from lss_core.data.tables import TABLES, read_pieces
+from lss_core.data.tables.reading import TABLES, read_pieces
 from shoot.trajectories import mine_futures
 
 

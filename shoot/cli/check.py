@@ -5,8 +5,8 @@ from pathlib import Path
 
 from lss_core.bounds import check_settings
 from lss_core.config import CAMERAS, check_cameras
-from lss_core.data.file_names import is_plain
 from lss_core.data.samples import load_index
+from lss_core.data.tables.file_names import is_plain
 from lss_core.errors import DataError
 from lss_core.files import write_atomically
 from shoot.cli.app import run

@@ -8,8 +8,8 @@ import numpy as np
 import tyro
 
 from lss_core.bounds import Count, check_settings
-from lss_core.data.file_names import is_plain
 from lss_core.data.samples import load_index, rows_of_split
+from lss_core.data.tables.file_names import is_plain
 from lss_core.data.usable import LEFT_OUT, Needs, save_left_out
 from lss_core.errors import DataError
 from shoot.cli.app import run

@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 
 from lss_core.data.drives import KnownScene, find_shared
-from lss_core.data.tables import decode_json
+from lss_core.data.tables.reading import decode_json
 from lss_core.errors import DataError
 from lss_core.files import write_atomically
 

@@ -20,7 +20,7 @@ from bad_data import (
 )
 from tiny_tables import VERSION
 
-from lss_core.data.tables import TABLES
+from lss_core.data.tables.reading import TABLES
 
 _table = partial(Case, "tables")
 

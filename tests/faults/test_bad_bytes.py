@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from test_bad_data import sound  # noqa: F401
 from tiny_tables import VERSION, read_table, write_table
 
-from lss_core.data.tables import TABLES
+from lss_core.data.tables.reading import TABLES
 
 EVERYDAY, FULL = 40, 2000
 _ALLOWED = [HealthCheck.function_scoped_fixture, HealthCheck.too_slow]

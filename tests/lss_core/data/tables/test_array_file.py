@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lss_core.data.array_file import map_arrays, save_arrays
+from lss_core.data.tables.array_file import map_arrays, save_arrays
 
 ARRAYS: dict[str, np.ndarray[Any, Any]] = {
     "texts": np.array([["a", "längst"], ["", "c"]]),

@@ -22,8 +22,8 @@ from tiny_tables import (
 )
 
 from lss_core.config import CAMERAS
-from lss_core.data import tables
 from lss_core.data.samples import SampleIndex, load_index
+from lss_core.data.tables import reading as tables
 
 WITHOUT_LIDAR = TinyScene("scene-0005", has_lidar=False)
 Row = dict[str, Any]

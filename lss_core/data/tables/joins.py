@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lss_core.data.file_names import leads_astray
-from lss_core.data.problems import Problem, is_side, is_time, problem_of
-from lss_core.data.tables import (
+from lss_core.data.tables.file_names import leads_astray
+from lss_core.data.tables.problems import Problem, is_side, is_time, problem_of
+from lss_core.data.tables.reading import (
     ByToken,
     CalibratedSensor,
     Log,
@@ -21,7 +21,7 @@ from lss_core.data.tables import (
     read_table,
     table_path,
 )
-from lss_core.data.transforms import ego_poses, intrinsics, mountings
+from lss_core.data.tables.transforms import ego_poses, intrinsics, mountings
 from lss_core.errors import DataError
 from lss_core.geometry import FloatArray
 

@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from lss_core.data import tables
-from lss_core.data.tables import EgoPose, Log, read_pieces, read_table
+from lss_core.data.tables import reading as tables
+from lss_core.data.tables.reading import EgoPose, Log, read_pieces, read_table
 from lss_core.errors import DataError
 
 

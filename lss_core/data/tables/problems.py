@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lss_core.data.tables import Record, table_path
+from lss_core.data.tables.reading import Record, table_path
 from lss_core.geometry import FloatArray
 
 # A rotation's quaternion is as long as this, to within rounding of what wrote it.

@@ -1,0 +1,1 @@
+"""Tables on disk, read, followed and laid out as arrays."""
