@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lss_core.data.sample_problems import find_problems
+from lss_core.data.checks.sample_problems import find_problems
 from lss_core.data.splits import has_own_splits, scenes_of_split
 from lss_core.data.tables.array_file import map_arrays, save_arrays
 from lss_core.data.tables.joins import LIDAR, JoinedTables, join_tables

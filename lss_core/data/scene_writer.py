@@ -6,9 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lss_core.data.file_checks import image_problem, sweep_problem
-from lss_core.data.placed_files import place_bytes, place_file
-from lss_core.data.recording_checks import (
+from lss_core.data.checks.recording import (
     Numbers,
     check_camera,
     check_poses,
@@ -17,6 +15,8 @@ from lss_core.data.recording_checks import (
     to_array,
     to_us,
 )
+from lss_core.data.file_checks import image_problem, sweep_problem
+from lss_core.data.placed_files import place_bytes, place_file
 from lss_core.data.scene_rows import LIDAR, POSES, Box, Frame, Mounting, Recording
 from lss_core.data.sweep_cuts import SceneSweeps
 from lss_core.data.tables.file_names import is_plain

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 from PIL import Image
 
+from lss_core.data.checks.recording import Numbers
 from lss_core.data.placed_files import place_bytes
-from lss_core.data.recording_checks import Numbers
 from lss_core.data.scene_rows import LIDAR, POSES, scene_rows, scene_token
 from lss_core.data.scene_writer import SceneWriter, check_name
 from lss_core.data.table_rows import Row, token, write_tables

@@ -15,7 +15,7 @@ import msgspec
 from benchmarks.big_tables import NUM_SCENES, VERSION, write_big_tables
 from lss_core.config import CAMERAS
 from lss_core.data import samples
-from lss_core.data.sample_problems import SampleProblems, find_problems
+from lss_core.data.checks.sample_problems import SampleProblems, find_problems
 from lss_core.data.samples import SampleIndex, load_index, rows_of_split
 from lss_core.data.tables.reading import TABLES, read_pieces
 from shoot.trajectories import mine_futures

@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from lss_core.data.calibration_checks import camera_flaws
+from lss_core.data.checks.calibration import camera_flaws
 from lss_core.data.tables.problems import intrinsics_flaw, is_time, step_flaws, transform_flaws
 from lss_core.errors import DataError
 from lss_core.geometry import FloatArray, quaternion_of

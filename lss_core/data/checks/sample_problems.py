@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lss_core.data.calibration_checks import camera_flaws
-from lss_core.data.heading_checks import heading_offset
-from lss_core.data.image_checks import astray
-from lss_core.data.pose_checks import Flaw, find_flaws
-from lss_core.data.pose_repairs import likely_mistakes
-from lss_core.data.standing_checks import standing
+from lss_core.data.checks.calibration import camera_flaws
+from lss_core.data.checks.heading import heading_offset
+from lss_core.data.checks.image_poses import astray
+from lss_core.data.checks.pose_repairs import likely_mistakes
+from lss_core.data.checks.poses import Flaw, find_flaws
+from lss_core.data.checks.standing import standing
 from lss_core.data.tables.joins import JoinedTables
 from lss_core.data.tables.problems import MAX_STEP_S, Problem, ProblemList, problem_of, step_flaws
 from lss_core.data.tables.reading import CalibratedSensor, EgoPose, Record, SampleData, table_path

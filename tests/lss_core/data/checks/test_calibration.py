@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from tiny_tables import TRAIN_A, VAL, VERSION, read_table, write_table, write_tiny
 
 from lss_core.config import CAMERAS
-from lss_core.data.calibration_checks import camera_flaws
+from lss_core.data.checks.calibration import camera_flaws
 from lss_core.data.samples import SampleIndex, load_index
 
 NUM = len(CAMERAS)

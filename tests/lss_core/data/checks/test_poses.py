@@ -20,8 +20,8 @@ from tiny_tables import (
 )
 
 from lss_core.config import CAMERAS
-from lss_core.data.pose_checks import find_flaws
-from lss_core.data.pose_repairs import likely_mistakes
+from lss_core.data.checks.pose_repairs import likely_mistakes
+from lss_core.data.checks.poses import find_flaws
 from lss_core.data.samples import SampleIndex, load_index
 from lss_core.data.tables.tracks import Tracks
 from lss_core.errors import DataError

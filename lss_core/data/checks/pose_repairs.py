@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from lss_core.data.heading_checks import median_angles
-from lss_core.data.pose_checks import Flaw, find_flaws
+from lss_core.data.checks.heading import median_angles
+from lss_core.data.checks.poses import Flaw, find_flaws
 from lss_core.data.tables.tracks import Tracks
 from lss_core.data.tables.transforms import reordered
 from lss_core.geometry import FloatArray, invert, rigid_from_yaw

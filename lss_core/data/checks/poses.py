@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lss_core.data.heading_checks import heading_flaws
+from lss_core.data.checks.heading import heading_flaws
 from lss_core.data.tables.tracks import Tracks
 from lss_core.geometry import FloatArray
 

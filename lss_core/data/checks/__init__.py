@@ -1,0 +1,1 @@
+"""What in recordings contradicts itself: poses, headings, calibration, times."""
