@@ -34,6 +34,8 @@ def test_modules_are_imported_where_ndarray_is_a_type_alias() -> None:
         [sys.executable, "-c", textwrap.dedent(code)], capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr[-2000:]
-    assert {"shoot.metrics.ranks", "shoot.rendering.sample_view", "lss_core.data.lidar"} <= set(
-        done.stdout.split()
-    )
+    assert {
+        "shoot.metrics.ranks",
+        "shoot.rendering.sample_view",
+        "lss_core.data.sensors.lidar",
+    } <= set(done.stdout.split())

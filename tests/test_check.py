@@ -28,8 +28,8 @@ from world_fixture import Said, command
 
 from lss_core.camera import field_of_view, horizon_line, project
 from lss_core.config import CAMERAS, ImageConfig
-from lss_core.data.images import draw_pixel_map
 from lss_core.data.samples import load_index
+from lss_core.data.sensors.images import draw_pixel_map
 from lss_core.geometry import apply
 from shoot.data_report import format_report, survey, view_cameras
 from shoot.rendering import render_calibration

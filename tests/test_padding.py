@@ -11,9 +11,9 @@ from tiny_tables import TRAIN_A, VAL, VERSION, write_tiny
 from world_fixture import TinyRun, command, train_flags
 
 from lss_core.config import CAMERAS, DataConfig, ImageConfig
-from lss_core.data.images import draw_pixel_map, load_image
 from lss_core.data.padding import check_padding, padding
 from lss_core.data.samples import SampleIndex, load_index
+from lss_core.data.sensors.images import draw_pixel_map, load_image
 from lss_core.errors import DataError
 from shoot.training.config import PRESETS
 

@@ -15,8 +15,8 @@ from world_fixture import TinyRun, command
 from lss_core.camera import project
 from lss_core.config import CAMERAS
 from lss_core.data.dataset import ego_from_camera
-from lss_core.data.lidar import load_sweep
 from lss_core.data.samples import SampleIndex, load_index
+from lss_core.data.sensors.lidar import load_sweep
 from lss_core.geometry import apply, invert, rigid_from_quaternion
 from shoot.trajectories import mine_futures
 

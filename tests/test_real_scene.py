@@ -10,8 +10,8 @@ import torch
 from lss_core.camera import project
 from lss_core.config import CAMERAS, DataConfig
 from lss_core.data.dataset import CameraDataset, ego_from_camera
-from lss_core.data.lidar import load_scans, load_sweep
 from lss_core.data.samples import SampleIndex, load_index, rows_of_split
+from lss_core.data.sensors.lidar import load_scans, load_sweep
 from lss_core.data.usable import Needs, usable_rows
 from lss_core.errors import DataError
 from lss_core.geometry import apply, invert

@@ -26,8 +26,8 @@ from tiny_tables import (
 
 from lss_core.config import CAMERAS
 from lss_core.data import samples
-from lss_core.data.lidar import load_sweep
 from lss_core.data.samples import SampleIndex, load_index
+from lss_core.data.sensors.lidar import load_sweep
 from lss_core.data.tables.array_file import save_arrays
 from lss_core.data.tables.reading import TABLES
 from lss_core.errors import DataError

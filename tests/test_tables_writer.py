@@ -15,8 +15,8 @@ from PIL import Image
 
 from lss_core.data import SceneWriter, TablesWriter
 from lss_core.data.boxes import read_boxes
-from lss_core.data.lidar import load_scans, load_sweep
 from lss_core.data.samples import load_index, rows_of_split
+from lss_core.data.sensors.lidar import load_scans, load_sweep
 from lss_core.errors import DataError
 from lss_core.geometry import FloatArray, quaternion_of, rigid_from_quaternion, rigid_from_yaw
 

@@ -13,9 +13,9 @@ from torch.utils.data import Dataset
 from lss_core.batch import Batch
 from lss_core.camera import horizon_row
 from lss_core.config import DataConfig
-from lss_core.data.images import draw_pixel_map, load_image, open_image
-from lss_core.data.lidar import load_scans
 from lss_core.data.samples import SampleIndex
+from lss_core.data.sensors.images import draw_pixel_map, load_image, open_image
+from lss_core.data.sensors.lidar import load_scans
 from lss_core.data.usable import Needs, check_row
 from lss_core.errors import DataError
 from lss_core.geometry import FloatArray, invert

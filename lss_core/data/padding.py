@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from lss_core.config import DataConfig, ImageConfig
 from lss_core.data.dataset import raw_hw
-from lss_core.data.images import draw_pixel_map, upright_map
 from lss_core.data.samples import SampleIndex
+from lss_core.data.sensors.images import draw_pixel_map, upright_map
 from lss_core.errors import DataError
 from lss_core.legible import legible
 

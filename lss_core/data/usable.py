@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lss_core.data.file_checks import image_problem, sweep_problem
-from lss_core.data.lidar import recent_sweeps
 from lss_core.data.samples import SampleIndex
-from lss_core.data.sweep_cuts import SceneSweeps
+from lss_core.data.sensors.file_checks import image_problem, sweep_problem
+from lss_core.data.sensors.lidar import recent_sweeps
+from lss_core.data.sensors.sweep_cuts import SceneSweeps
 from lss_core.data.tables.problems import Problem
 from lss_core.errors import DataError
 from lss_core.files import write_atomically

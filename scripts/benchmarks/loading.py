@@ -16,8 +16,8 @@ from torch.utils.data import DataLoader, Dataset
 from benchmarks.measuring import seconds
 from lss_core.config import CAMERAS, DataConfig
 from lss_core.data.dataset import CameraDataset, ego_from_camera
-from lss_core.data.images import draw_pixel_map
 from lss_core.data.samples import SampleIndex, load_index
+from lss_core.data.sensors.images import draw_pixel_map
 from lss_core.image_encoder import IMAGENET_MEAN, IMAGENET_STD
 from shoot.world.writer import MakeWorldConfig, make_world
 

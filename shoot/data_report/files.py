@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lss_core.data.dataset import raw_hw
-from lss_core.data.file_checks import image_problem
-from lss_core.data.images import PixelMap, load_image
-from lss_core.data.lidar import load_sweep
 from lss_core.data.samples import SampleIndex
+from lss_core.data.sensors.file_checks import image_problem
+from lss_core.data.sensors.images import PixelMap, load_image
+from lss_core.data.sensors.lidar import load_sweep
 from lss_core.errors import DataError
 from shoot.data_report.facts import FileFacts
 

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from lss_core.camera import horizon_row
 from lss_core.config import ImageConfig
 from lss_core.data.dataset import ego_from_camera, raw_hw
-from lss_core.data.images import PixelMap, draw_pixel_map, load_image
 from lss_core.data.samples import TIME_TOLERANCE_S, SampleIndex
+from lss_core.data.sensors.images import PixelMap, draw_pixel_map, load_image
 from lss_core.errors import DataError
 from lss_core.geometry import FloatArray
 from lss_core.legible import legible

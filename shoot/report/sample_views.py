@@ -6,9 +6,9 @@ import numpy as np
 import torch
 
 from lss_core.data.dataset import ego_from_camera, raw_hw
-from lss_core.data.images import PixelMap, load_image
-from lss_core.data.lidar import load_sweep
 from lss_core.data.samples import SampleIndex
+from lss_core.data.sensors.images import PixelMap, load_image
+from lss_core.data.sensors.lidar import load_sweep
 from lss_core.geometry import FloatArray
 from lss_core.legible import legible
 from shoot.prediction.run import TrainedRun, batches

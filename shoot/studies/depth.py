@@ -19,7 +19,7 @@ from rich.table import Table
 from torch import Tensor
 
 from lss_core.batch import Batch
-from lss_core.data.lidar import load_sweep
+from lss_core.data.sensors.lidar import load_sweep
 from lss_core.depth_targets import depth_bins, nearest_depths
 from lss_core.errors import DataError
 from lss_core.files import write_atomically

@@ -10,7 +10,7 @@ from PIL import Image, UnidentifiedImageError
 
 from lss_core.camera import crop_map, flip_map, resize_map, rotate_map
 from lss_core.config import ImageConfig
-from lss_core.data.image_content import DAMAGE, content_problem
+from lss_core.data.sensors.image_content import DAMAGE, content_problem
 from lss_core.errors import DataError
 from lss_core.geometry import FloatArray
 

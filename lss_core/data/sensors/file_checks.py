@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from lss_core.data.image_content import content_problem
-from lss_core.data.images import open_image
-from lss_core.data.lidar import check_file
-from lss_core.data.sweep_cuts import SceneSweeps
+from lss_core.data.sensors.image_content import content_problem
+from lss_core.data.sensors.images import open_image
+from lss_core.data.sensors.lidar import check_file
+from lss_core.data.sensors.sweep_cuts import SceneSweeps
 from lss_core.data.tables.problems import Problem
 from lss_core.errors import DataError
 

@@ -8,8 +8,8 @@ import pytest
 from tiny_tables import TRAIN_A, VERSION, TinyScene, write_tiny
 
 from lss_core.config import CAMERAS
-from lss_core.data.lidar import load_scans, load_sweep
 from lss_core.data.samples import SampleIndex, load_index
+from lss_core.data.sensors.lidar import load_scans, load_sweep
 from lss_core.data.usable import Needs, usable_rows
 from lss_core.errors import DataError
 

@@ -14,8 +14,8 @@ from tiny_tables import TRAIN_A, VERSION, write_tiny
 from lss_core.camera import horizon_row, project
 from lss_core.config import CAMERAS, DataConfig, ImageConfig
 from lss_core.data.dataset import CameraDataset
-from lss_core.data.images import PixelMap, draw_pixel_map
 from lss_core.data.samples import load_index
+from lss_core.data.sensors.images import PixelMap, draw_pixel_map
 from shoot.training.config import PRESETS
 from shoot.world.sensing.rig import make_rig
 

@@ -9,8 +9,8 @@ from jaxtyping import Float
 from numpy.typing import NDArray
 
 from lss_core.data.samples import TIME_TOLERANCE_S, SampleIndex
-from lss_core.data.sweep_cuts import SceneSweeps, cut_flaw
-from lss_core.data.sweep_layout import (
+from lss_core.data.sensors.sweep_cuts import SceneSweeps, cut_flaw
+from lss_core.data.sensors.sweep_layout import (
     EXPECTED_WORDS,
     POINT_BYTES,
     has_place,

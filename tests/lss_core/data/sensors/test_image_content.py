@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lss_core.data.file_checks import image_problem
-from lss_core.data.images import PixelMap, load_image
+from lss_core.data.sensors.file_checks import image_problem
+from lss_core.data.sensors.images import PixelMap, load_image
 from lss_core.errors import DataError
 
 HW = (18, 32)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lss_core.data.samples import SampleIndex
-from lss_core.data.sweep_layout import POINT_BYTES
+from lss_core.data.sensors.sweep_layout import POINT_BYTES
 
 _BLOCK_BYTES = 4096
 # Fewer sweeps, or sweeps of fewer points, are no measure of what is usual.

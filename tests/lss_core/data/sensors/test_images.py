@@ -6,7 +6,7 @@ import pytest
 from PIL import Image
 
 from lss_core.config import ImageConfig
-from lss_core.data.images import PixelMap, draw_pixel_map, load_image, open_image
+from lss_core.data.sensors.images import PixelMap, draw_pixel_map, load_image, open_image
 from lss_core.errors import DataError
 
 RAW_HW = (180, 320)

@@ -12,8 +12,8 @@ from world_fixture import SMALL_FLAGS, TinyRun, command
 from lss_core.batch import collate
 from lss_core.config import CAMERAS, DataConfig
 from lss_core.data.dataset import LidarDataset
-from lss_core.data.lidar import load_scans, recent_sweeps
 from lss_core.data.samples import SampleIndex, load_index
+from lss_core.data.sensors.lidar import load_scans, recent_sweeps
 from lss_core.data.usable import Needs, usable_rows
 from lss_core.errors import DataError
 from lss_core.geometry import apply, invert
