@@ -14,7 +14,7 @@ from nuscenes.nuscenes import NuScenes
 from PIL import Image
 
 from lss_core.data import SceneWriter, TablesWriter
-from lss_core.data.boxes import read_boxes
+from lss_core.data.annotations.boxes import read_boxes
 from lss_core.data.samples import load_index, rows_of_split
 from lss_core.data.sensors.lidar import load_scans, load_sweep
 from lss_core.errors import DataError

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from lss_core.data.boxes import Boxes
+from lss_core.data.annotations.boxes import Boxes
 from lss_core.data.samples import TIME_TOLERANCE_S
 from lss_core.geometry import FloatArray
 from shoot.footprint import (

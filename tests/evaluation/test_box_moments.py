@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from lss_core.data.boxes import Boxes
+from lss_core.data.annotations.boxes import Boxes
 from lss_core.geometry import apply, invert, rigid_from_yaw
 from shoot.evaluation.box_moments import BoxMoments, find_moments, touched
 from shoot.footprint import (

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lss_core.data.box_tracks import lacks_tracks
-from lss_core.data.categories import is_road_user
+from lss_core.data.annotations.box_tracks import lacks_tracks
+from lss_core.data.annotations.categories import is_road_user
 from lss_core.data.samples import SampleIndex
 from lss_core.data.tables.problems import transform_flaws
 from lss_core.data.tables.reading import (
@@ -109,7 +109,7 @@ def has_annotations(folder: Path) -> bool:
 
 
 def read_boxes(folder: Path, index: SampleIndex, scenes: NDArray[np.int64]) -> Boxes:
-    """Boxes of vehicles and people, of some scenes; see `lss_core.data.categories` for their names.
+    """Boxes of vehicles and people, of some scenes; see `lss_core.data.annotations.categories` for their names.
 
     The table of annotations is read a piece at a time; only what is wanted of it stays in memory.
 

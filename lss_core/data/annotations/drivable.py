@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lss_core.data.rings import area_of_rings
+from lss_core.data.annotations.rings import area_of_rings
 from lss_core.data.tables.file_names import is_plain
 from lss_core.data.tables.reading import decode_json
 from lss_core.errors import DataError

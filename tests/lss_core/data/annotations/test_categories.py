@@ -10,7 +10,7 @@ from driving_world import (
     write_drive,
 )
 
-from lss_core.data.categories import is_road_user
+from lss_core.data.annotations.categories import is_road_user
 from shoot.evaluation.driving_checks import DrivingChecks
 
 LYFT = ("car", "pedestrian", "other_vehicle", "bus", "motorcycle", "truck", "emergency_vehicle",

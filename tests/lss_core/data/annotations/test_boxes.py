@@ -14,7 +14,7 @@ from driving_world import (
 from tiny_tables import TRAIN_A, VAL, read_table, write_table
 
 from lss_core.config import CAMERAS
-from lss_core.data.boxes import Boxes, has_annotations, read_boxes
+from lss_core.data.annotations.boxes import Boxes, has_annotations, read_boxes
 from lss_core.data.samples import SampleIndex, load_index
 from lss_core.data.tables import reading as tables
 from lss_core.errors import DataError

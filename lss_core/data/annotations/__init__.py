@@ -1,0 +1,1 @@
+"""What people annotated, for evaluation: boxes and where cars may drive."""
