@@ -19,7 +19,7 @@ import tyro
 
 from lss_core.bounds import Bounds, Seed, SettingError, Workers, check_settings
 from lss_core.data.splits import official_scenes
-from lss_core.data.table_rows import TABLE_NAMES, Row
+from lss_core.data.writing.table_rows import TABLE_NAMES, Row
 from lss_core.errors import DataError
 from lss_core.files import clear_leftovers, name_errors, sole_writer, write_atomically
 from lss_core.progress import progress

@@ -7,7 +7,7 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from lss_core.data.table_rows import Row, chain, token
+from lss_core.data.writing.table_rows import Row, chain, token
 from lss_core.files import write_atomically
 from shoot.world.looks.paint import Paint
 from shoot.world.looks.scenery import ego_pose

@@ -12,7 +12,7 @@ import shapely
 import shapely.ops
 from numpy.typing import NDArray
 
-from lss_core.data.table_rows import Row, token
+from lss_core.data.writing.table_rows import Row, token
 from lss_core.files import write_atomically
 from shoot.world.looks.paint import polygons_of
 from shoot.world.nuscenes.tables import rounded

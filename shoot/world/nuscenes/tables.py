@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lss_core.data.table_rows import Row, chain, token
+from lss_core.data.writing.table_rows import Row, chain, token
 from shoot.world.sensing.rig import Rig, quaternion_wxyz
 from shoot.world.town.town import FloatArray
 

@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from lss_core.data.table_rows import token
+from lss_core.data.writing.table_rows import token
 from shoot.world.town.town import FloatArray
 
 Split = Literal["train", "val"]

@@ -1,6 +1,6 @@
 import numpy as np
 
-from lss_core.data.table_rows import token
+from lss_core.data.writing.table_rows import token
 from shoot.world.nuscenes.tiling import TILE_M, tile_of
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from lss_core.data.table_rows import Row, chain, token
+from lss_core.data.writing.table_rows import Row, chain, token
 from lss_core.geometry import FloatArray, interpolate_poses, quaternion_of
 
 LIDAR = "LIDAR_TOP"

@@ -11,10 +11,10 @@ from typing import NamedTuple
 from PIL import Image
 
 from lss_core.data.checks.recording import Numbers
-from lss_core.data.placed_files import place_bytes
-from lss_core.data.scene_rows import LIDAR, POSES, scene_rows, scene_token
-from lss_core.data.scene_writer import SceneWriter, check_name
-from lss_core.data.table_rows import Row, token, write_tables
+from lss_core.data.writing.placed_files import place_bytes
+from lss_core.data.writing.scene_rows import LIDAR, POSES, scene_rows, scene_token
+from lss_core.data.writing.scene_writer import SceneWriter, check_name
+from lss_core.data.writing.table_rows import Row, token, write_tables
 from lss_core.errors import DataError
 from lss_core.files import sole_writer, write_atomically
 

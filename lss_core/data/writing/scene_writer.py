@@ -15,11 +15,11 @@ from lss_core.data.checks.recording import (
     to_array,
     to_us,
 )
-from lss_core.data.placed_files import place_bytes, place_file
-from lss_core.data.scene_rows import LIDAR, POSES, Box, Frame, Mounting, Recording
 from lss_core.data.sensors.file_checks import image_problem, sweep_problem
 from lss_core.data.sensors.sweep_cuts import SceneSweeps
 from lss_core.data.tables.file_names import is_plain
+from lss_core.data.writing.placed_files import place_bytes, place_file
+from lss_core.data.writing.scene_rows import LIDAR, POSES, Box, Frame, Mounting, Recording
 from lss_core.errors import DataError
 from lss_core.geometry import FloatArray
 

@@ -1,0 +1,1 @@
+"""Recordings in, tables and files out."""
