@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 from tiny_tables import write_tiny
-from world_fixture import tiny_run  # noqa: F401
+from world_fixture import TinyRun, copy_run, tiny_run  # noqa: F401
 
 settings.register_profile("shoot", deadline=None, derandomize=True, database=None)
 settings.load_profile("shoot")
@@ -38,6 +38,12 @@ def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 def tiny_root(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two training scenes and a validation scene, made by hand; not to be changed."""
     return write_tiny(tmp_path_factory.mktemp("tiny"))
+
+
+@pytest.fixture
+def spoilt(tiny_run: TinyRun, tmp_path: Path) -> TinyRun:  # noqa: F811
+    """A copy of data and run that a test may damage; the run reads the copy."""
+    return copy_run(tiny_run, tmp_path)
 
 
 @pytest.fixture(scope="session")

@@ -134,6 +134,10 @@ def command(name: str, *arguments: object) -> Said:
     return Said(status, out.getvalue(), err.getvalue())
 
 
+def evaluate(run: TinyRun, *more: object) -> Said:
+    return command("shoot-evaluate", run.folder, "--out", run.folder / "report.json", *more)
+
+
 def complaint(said: Said) -> str:
     """The sentence, if that is all there is."""
     assert said.status == 2, said.err

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import torch
 from tiny_tables import VERSION, read_table, write_table
-from world_fixture import Said, TinyRun, command, complaint, copy_run, train_flags, write_rides
+from world_fixture import Said, TinyRun, command, complaint, evaluate, train_flags, write_rides
 
 from lss_core import image_encoder
 from shoot.cli import app
@@ -23,18 +23,8 @@ def fit(root: Path, out: Path, *more: object) -> Said:
     return command("shoot-fit-templates", "--data.root", root, "--out", out, "--k", 10, *more)
 
 
-@pytest.fixture
-def spoilt(tiny_run: TinyRun, tmp_path: Path) -> TinyRun:
-    """A copy of data and run that a test may damage; the run reads the copy."""
-    return copy_run(tiny_run, tmp_path)
-
-
 def train(run: TinyRun, out: Path, *more: object) -> Said:
     return command("shoot-train", *train_flags(run.root, run.templates, out, 2, 1), *more)
-
-
-def evaluate(run: TinyRun, *more: object) -> Said:
-    return command("shoot-evaluate", run.folder, "--out", run.folder / "report.json", *more)
 
 
 def first_val_image(root: Path) -> Path:

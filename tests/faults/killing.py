@@ -18,8 +18,8 @@ from typing import Any, Literal
 
 import tally
 import torch
+from resumption import assert_same_run
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
-from test_resume import assert_same_run
 from world_fixture import Said, call_command, start_beside
 
 from lss_core.files import sole_writer

@@ -12,15 +12,12 @@ import numpy as np
 import pytest
 import torch
 from tally import throw
-from test_command_errors import complaint, evaluate, spoilt
-from world_fixture import Said, TinyRun, command, train_flags
+from world_fixture import Said, TinyRun, command, complaint, evaluate, train_flags
 
 from lss_core.errors import DataError
 from shoot.prediction.run import open_run
 from shoot.templates import TemplateSet
 from shoot.training.run_folder import RunFolder
-
-assert spoilt  # a fixture, used here too
 
 REFUSED = "refused in one sentence, no code run, no memory filled"
 

@@ -18,8 +18,7 @@ from killing import (
     start,
 )
 from small_disk import filled, read_only, small_disk
-from test_command_errors import complaint
-from world_fixture import TinyRun
+from world_fixture import TinyRun, complaint
 
 OUTCOME = (
     "one sentence that names the file, status 2, no half file; with room again the same command "

@@ -9,8 +9,8 @@ import pytest
 import torch
 from jobs import make_job, undisturbed
 from killing import prepare, run
+from resumption import assert_same_run
 from tally import throw
-from test_resume import assert_same_run
 from world_fixture import NUM_TEMPLATES, TinyRun, command, train_flags
 
 from shoot.templates import TemplateSet

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 
 import pytest
 import torch
-from test_host_waits import CONFIG, some_batch
+from host_waits import CONFIG, some_batch
 
 from lss_core.model import CameraModel
 from shoot.planner import Planner

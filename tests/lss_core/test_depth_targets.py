@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from test_lidar import write_sweeps
+from ring_sweeps import write_sweeps
 from tiny_tables import copy_tiny
 from world_fixture import TinyRun, command, train_flags
 

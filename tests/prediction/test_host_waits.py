@@ -7,42 +7,12 @@ from typing import Literal
 
 import pytest
 import torch
-from host_waits import assert_no_host_wait
+from host_waits import CONFIG, assert_no_host_wait, some_batch
 from torch import Tensor
 
 from lss_core.batch import Batch, collate
-from lss_core.config import DepthBins, ModelConfig
-from lss_core.grid import BevGrid
 from lss_core.model import CameraModel
 from shoot.planner import Planner
-
-CONFIG = ModelConfig(
-    backbone="plain-8-16-16",
-    pretrained="none",
-    context_channels=8,
-    neck_channels=8,
-    stem_channels=8,
-    decoder_channels=8,
-    depth=DepthBins(2.0, 6.0, 1.0),
-    grid=BevGrid(-8.0, 8.0, -8.0, 8.0, 1.0),
-)
-
-
-def some_batch(num_samples: int = 2) -> Batch:
-    intrinsics = torch.tensor([[40.0, 0.0, 31.5], [0.0, 40.0, 15.5], [0.0, 0.0, 1.0]])
-    ahead = torch.tensor([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 1.5], [0, 0, 0, 1]])
-    random = torch.Generator().manual_seed(0)
-    return Batch(
-        images=torch.randint(
-            0, 256, (num_samples, 2, 3, 32, 64), dtype=torch.uint8, generator=random
-        ),
-        pixel_from_camera=intrinsics.repeat(num_samples, 2, 1, 1),
-        ego_from_camera=ahead.repeat(num_samples, 2, 1, 1),
-        camera_mask=torch.ones(num_samples, 2, dtype=torch.bool),
-        sample_idx=torch.arange(num_samples),
-        points=torch.zeros(0, 5),
-        point_counts=torch.zeros(num_samples, dtype=torch.long),
-    )
 
 
 @pytest.mark.parametrize("frustum", ["cell", "released"])

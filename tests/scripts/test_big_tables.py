@@ -16,7 +16,7 @@ NUM_KEYFRAMES = 5 * 40 + 41
 
 @pytest.fixture
 def index_benchmark(monkeypatch: pytest.MonkeyPatch) -> Any:
-    monkeypatch.syspath_prepend(Path(__file__).parents[1] / "scripts")
+    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "scripts")
     return importlib.import_module("benchmarks.index")
 
 

@@ -13,7 +13,7 @@ import torch
 from lss_core.config import DepthBins, ImageConfig, ModelConfig
 from lss_core.grid import BevGrid
 
-SCRIPTS = Path(__file__).parents[1] / "scripts"
+SCRIPTS = Path(__file__).parents[2] / "scripts"
 
 
 @pytest.fixture

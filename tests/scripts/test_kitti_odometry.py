@@ -18,7 +18,7 @@ from lss_core.geometry import FloatArray, wrap_angle
 from shoot.templates import TemplateSet
 from shoot.trajectories import mine_futures
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 VERSION = "v1.0-trainval"
 WIDTH, HEIGHT, FOCAL_PX, CENTRE_PX = 124, 37, 72.0, (60.9, 17.3)
 BASE_M = 0.06  # camera 2 lies so far left of camera 0

@@ -16,7 +16,7 @@ from world_fixture import SMALL_FLAGS, TinyRun, command
 from lss_core.errors import DataError
 from lss_core.files import sole_writer
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 FLAGS = (*SMALL_FLAGS, "--optim.steps", "2", "--val-every", "2")
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 import torch
-from test_resume import assert_same_run
+from resumption import assert_same_run
 from world_fixture import TinyRun, command, train_flags
 
 from shoot.training.config import DEMO

@@ -1,62 +1,14 @@
-"""A killed training goes on as if nothing had happened; its record of metrics, too."""
+"""A killed training goes on as if nothing had happened."""
 
-import csv
 import json
 import random
 import signal
 import time
-from multiprocessing.process import BaseProcess
 from pathlib import Path
-from typing import Any
 
 import pytest
-import torch
+from resumption import EVERY, STEPS, assert_same_run, checkpoint, metrics, wait_for
 from world_fixture import TinyRun, command, start_command, train_flags
-
-from shoot.training.metrics_file import MetricsFile, read_metrics
-
-STEPS, EVERY = 23, 4  # the last round is shorter
-
-
-def checkpoint(folder: Path, name: str = "last") -> dict[str, Any]:
-    loaded: dict[str, Any] = torch.load(folder / "checkpoints" / f"{name}.ckpt", weights_only=True)
-    return loaded
-
-
-def metrics(folder: Path) -> list[dict[str, str]]:
-    with (folder / "metrics.csv").open() as stream:
-        return list(csv.DictReader(stream))
-
-
-def wait_for(path: Path, process: BaseProcess) -> None:
-    for _ in range(3000):
-        if path.exists():
-            return
-        assert process.is_alive(), "ended before its first checkpoint"
-        time.sleep(0.1)
-    raise AssertionError(f"{path} has not come")
-
-
-def assert_same_run(folder: Path, expected: Path) -> None:
-    for name in ("last", "best"):
-        ours, theirs = checkpoint(folder, name), checkpoint(expected, name)
-        assert ours["global_step"] == theirs["global_step"]
-        assert ours["state_dict"].keys() == theirs["state_dict"].keys()
-        for key, value in theirs["state_dict"].items():
-            assert torch.equal(ours["state_dict"][key], value), key
-        moments = (state["optimizer_states"][0]["state"] for state in (ours, theirs))
-        for mine, its in zip(*(list(m.values()) for m in moments), strict=True):
-            assert all(torch.equal(mine[key], its[key]) for key in its)
-    assert metrics(folder) == metrics(expected)
-
-
-@pytest.fixture(scope="module")
-def undisturbed(tiny_run: TinyRun, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("undisturbed") / "run"
-    flags = train_flags(tiny_run.root, tiny_run.templates, folder, STEPS, EVERY)
-    said = command("shoot-train", *flags)
-    assert said.status == 0, said.err
-    return folder
 
 
 @pytest.mark.trains
@@ -111,42 +63,3 @@ def test_time_is_written_though_a_kill_came_before_it(tiny_run: TinyRun, undistu
     assert said.status == 0, said.err
     # The last checkpoint knows it but for what came after.
     assert 0.0 < json.loads(file.read_text())["train_s"] <= whole_s
-
-
-# The record of metrics
-
-
-def test_metrics_of_a_step_share_a_row(tmp_path: Path) -> None:
-    path = tmp_path / "metrics.csv"
-    record = MetricsFile(path, resume=False)
-    record.log_metrics({"loss": 2.5}, 0)
-    record.log_metrics({"rate": 0.25}, 0)
-    record.log_metrics({"loss": 1.5}, 10)
-    record.log_metrics({"rate": 0.125, "loss": 1.25}, 10)
-    assert path.read_text() == "step,loss,rate\n0,2.5,0.25\n10,1.25,0.125\n"
-
-
-def test_resumed_record_forgets_what_is_done_again(tmp_path: Path) -> None:
-    path = tmp_path / "metrics.csv"
-    record = MetricsFile(path, resume=False)
-    for step in (0, 10, 20, 30):
-        record.log_metrics({"loss": float(step)}, step)
-    record.log_metrics({"top10": 7.0}, 30)
-    resumed = MetricsFile(path, resume=True)
-    assert len(read_metrics(path)) == 4  # nothing is lost before something comes
-    resumed.log_metrics({"rate": 0.5, "loss": -1.0}, 20)
-    assert read_metrics(path) == {
-        0: {"loss": "0"},
-        10: {"loss": "10"},
-        20: {"loss": "-1", "rate": "0.5"},
-    }
-    MetricsFile(path, resume=False).log_metrics({"loss": 3.0}, 0)
-    assert path.read_text() == "step,loss\n0,3\n"
-
-
-def test_line_cut_off_by_a_kill_is_dropped(tmp_path: Path) -> None:
-    path = tmp_path / "metrics.csv"
-    path.write_text("step,loss,rate\n0,2,0.5\n10,1")
-    MetricsFile(path, resume=True).log_metrics({"loss": 4.0}, 20)
-    assert path.read_text() == "step,loss,rate\n0,2,0.5\n20,4,\n"
-    assert read_metrics(tmp_path / "none.csv") == {}

@@ -5,10 +5,8 @@ import signal
 from pathlib import Path
 
 import pytest
-from test_resume import EVERY, STEPS, assert_same_run, checkpoint, undisturbed, wait_for
+from resumption import EVERY, STEPS, assert_same_run, checkpoint, wait_for
 from world_fixture import TinyRun, command, start_command, train_flags
-
-assert undisturbed  # a fixture of the tests of resumption, used here too
 
 
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])

@@ -109,7 +109,7 @@ def has_annotations(folder: Path) -> bool:
 
 
 def read_boxes(folder: Path, index: SampleIndex, scenes: NDArray[np.int64]) -> Boxes:
-    """Boxes of vehicles and people, of some scenes; see `lss_core.data.annotations.categories` for their names.
+    """Boxes of vehicles and people, of some scenes; `categories` beside this knows their names.
 
     The table of annotations is read a piece at a time; only what is wanted of it stays in memory.
 

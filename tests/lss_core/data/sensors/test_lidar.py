@@ -1,13 +1,12 @@
 """Several lidar scans as one, and planners that see them instead of images."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from ring_sweeps import RING_M, write_sweeps
 from tiny_tables import TRAIN_A, TRAIN_B, VERSION, copy_tiny
-from world_fixture import SMALL_FLAGS, TinyRun, command
 
 from lss_core.batch import collate
 from lss_core.config import CAMERAS, DataConfig
@@ -17,35 +16,8 @@ from lss_core.data.sensors.lidar import load_scans, recent_sweeps
 from lss_core.data.usable import Needs, usable_rows
 from lss_core.errors import DataError
 from lss_core.geometry import apply, invert
-from shoot.prediction import fast
-from shoot.prediction.fast import FastPlanner
-from shoot.prediction.run import batches, open_run, predict
-from shoot.training.data import load_split
 
 NUM_SCANS = 10
-# What stands around the first scene's car, in `global`, metres up to 30 m from it.
-RING_M = np.column_stack(
-    [
-        np.asarray([[TRAIN_A.x_m, TRAIN_A.y_m]])
-        + 30.0 * np.stack([np.cos(np.arange(12)), np.sin(np.arange(12))], axis=1),
-        np.linspace(0.2, 3.0, 12),
-    ]
-)
-
-
-def write_sweeps(index: SampleIndex, root: Path) -> None:
-    """Every sweep sees the same standing points, with their number as intensity."""
-    for sweep, name in enumerate(index.sweep_path):
-        row = int(np.searchsorted(index.track_start, sweep, side="right")) - 1
-        sample = int(np.flatnonzero(index.sample_scene == row)[0])
-        lidar_from_global = invert(index.global_from_track[sweep] @ index.ego_from_lidar[sample])
-        seen = np.zeros((len(RING_M) + 1, 5), dtype=np.float32)
-        seen[:-1, :3] = apply(lidar_from_global, RING_M)
-        seen[:-1, 3] = np.arange(len(RING_M))
-        seen[-1, :3] = [0.3, -1.0, -0.5]  # the car's own roof
-        path = root / name.decode()
-        path.parent.mkdir(parents=True, exist_ok=True)
-        seen.tofile(path)
 
 
 @pytest.fixture(scope="module")
@@ -123,31 +95,3 @@ def test_a_missing_sweep_is_named_or_left_out(root: Path, tmp_path: Path) -> Non
     usable = usable_rows(index, spoilt, rows, True, three)
     assert usable.rows.tolist() == [row - 1]
     assert usable.left_out[0].reason == "missing lidar sweep"
-
-
-def test_a_lidar_planner_from_training_to_pictures(
-    tiny_run: TinyRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    root = copy_tiny(tiny_run.root, tmp_path / "data")
-    write_sweeps(load_index(root, VERSION, CAMERAS), root)
-    run = tmp_path / "run"
-    said = command(
-        "shoot-train", "lidar10", "--data.root", root, "--templates", tiny_run.templates,
-        "--out", run, "--optim.steps", 2, "--val-every", 2, *SMALL_FLAGS,
-    )  # fmt: skip
-    assert said.status == 0, said.err
-    report = tmp_path / "report.json"
-    assert command("shoot-evaluate", run, "--out", report).status == 0
-    assert json.loads(report.read_text())["num_samples"] == 15
-    said = command("shoot-render", run, "--num", 1, "--out", tmp_path / "pictures")
-    assert said.status == 0, said.err
-
-    trained = open_run(run)
-    split = load_split(trained.config.data, "val", trained.templates)
-    assert np.ptp(predict(trained, split), axis=0).max() > 0.0
-    monkeypatch.setattr(fast, "fastest_precision", lambda _: "32-true")
-    sensors = next(iter(batches(trained, split, np.arange(3)))).sensors
-    with torch.no_grad():
-        expected = trained.module(sensors)
-    scores = FastPlanner(trained.module, compiled=False)(sensors)
-    torch.testing.assert_close(scores, expected, rtol=1e-4, atol=1e-4)

@@ -4,8 +4,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import test_calibration_checks
-import test_pose_checks
+import test_camera_mountings
+import test_poses
 from tiny_tables import TRAIN_A, TRAIN_B, VAL, VERSION, read_table, write_table, write_tiny
 from world_fixture import command
 
@@ -18,7 +18,7 @@ Row = dict[str, Any]
 def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Six cameras, three scenes; each test writes one of its tables."""
     folder = tmp_path_factory.mktemp("mistakes")
-    image_hw = test_calibration_checks.HEIGHT, test_calibration_checks.WIDTH
+    image_hw = test_camera_mountings.HEIGHT, test_camera_mountings.WIDTH
     return write_tiny(folder, (TRAIN_A, TRAIN_B, VAL), cameras=CAMERAS, image_hw=image_hw)
 
 
@@ -35,22 +35,22 @@ def said_of(root: Path, table: str, rows: list[Row]) -> str:
     return " ".join(said.out.split())
 
 
-@pytest.mark.parametrize("mistake", test_pose_checks.MISTAKES)
+@pytest.mark.parametrize("mistake", test_poses.MISTAKES)
 def test_mistakes_of_poses_are_named(root: Path, mistake: str) -> None:
-    change, measured, named = test_pose_checks.MISTAKES[mistake]
+    change, measured, named = test_poses.MISTAKES[mistake]
     said = said_of(root, "ego_pose", [change(pose) for pose in read_table(root, "ego_pose")])
     assert measured in said
     assert named in said
 
 
-@pytest.mark.parametrize("mistake", test_calibration_checks.MISTAKES)
+@pytest.mark.parametrize("mistake", test_camera_mountings.MISTAKES)
 def test_mistakes_of_calibrations_are_named(root: Path, mistake: str) -> None:
-    change, named, _ = test_calibration_checks.MISTAKES[mistake]
+    change, named, _ = test_camera_mountings.MISTAKES[mistake]
     rows = read_table(root, "calibrated_sensor")
     said = said_of(
         root,
         "calibrated_sensor",
-        [change(row) if test_calibration_checks.is_camera(row) else row for row in rows],
+        [change(row) if test_camera_mountings.is_camera(row) else row for row in rows],
     )
     assert named in said
 
