@@ -13,7 +13,7 @@ from lss_core.bounds import Count, check_settings
 from shoot.cli.app import run
 from shoot.prediction.run import open_run
 from shoot.studies.depth import DepthStudy, format_depth_study, study_depth
-from shoot.training.data import load_split
+from shoot.training.planning.data import load_split
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from typing import Annotated, Any
 import tyro
 
 from lss_core.files import write_atomically
-from shoot.training.run_folder import RunFolder
+from shoot.training.planning.run_folder import PlanningRun
 
 _FILES = (
     "weights.safetensors", "templates.npz", "templates.json", "training_motion.npz",
@@ -50,7 +50,7 @@ class ShipConfig:
 
 def ship(config: ShipConfig) -> None:
     """Copy what prediction and baselines need, and write the card."""
-    run, out = RunFolder(config.run), config.out
+    run, out = PlanningRun(config.run), config.out
     out.mkdir(parents=True, exist_ok=True)
     for name in _FILES:
         shutil.copy(run.folder / name, out / name)
@@ -71,7 +71,7 @@ def ship(config: ShipConfig) -> None:
         stream.write(_card(run, json.loads((run.folder / "report.json").read_text())).encode())
 
 
-def _card(run: RunFolder, report: dict[str, Any]) -> str:
+def _card(run: PlanningRun, report: dict[str, Any]) -> str:
     config, templates = run.config(), run.templates()
     world = json.loads((Path(config.data.root) / "world.json").read_text())
     environment = json.loads((run.folder / "environment.json").read_text())

@@ -21,7 +21,7 @@ from shoot.studies.turn_leak.answers import answer
 from shoot.studies.turn_leak.figure import render_leak
 from shoot.studies.turn_leak.intersections import find_questions
 from shoot.studies.turn_leak.report import LeakReport, format_leak, report
-from shoot.training.data import load_split
+from shoot.training.planning.data import load_split
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from tiny_tables import VAL, TinyScene, write_table, write_tiny
 from lss_core.config import CAMERAS, DataConfig
 from lss_core.data.samples import SampleIndex, load_index, rows_of_split
 from shoot.evaluation.driving_checks import CHECK_HORIZONS_S, DrivingChecks
-from shoot.training.data import LabelledSplit
+from shoot.training.planning.data import LabelledSplit
 from shoot.trajectories import mine_futures
 
 VERSION = "v1.0-trainval"

@@ -28,10 +28,11 @@ from lss_core.splat import build_splat_index, pool
 from lss_core.splat_reference import lift_splat_cumsum
 from shoot.prediction.fast import FastPlanner
 from shoot.templates import TemplateSet
-from shoot.training.config import TrainConfig
-from shoot.training.data import PlanBatch
-from shoot.training.loop import PlanningModule, make_trainer
-from shoot.training.run_folder import RunFolder
+from shoot.training.loop import make_trainer
+from shoot.training.planning.config import TrainConfig
+from shoot.training.planning.data import PlanBatch
+from shoot.training.planning.run_folder import PlanningRun
+from shoot.training.planning.task import PlanningModule
 
 Call = Callable[[], Any]
 _PLAIN = "float32, contiguous, cumulative sum"
@@ -324,11 +325,12 @@ def _shoot_train(work: Work) -> tuple[float, float]:
             optim=replace(work.config.optim, steps=steps, batch_size=work.batch_size),
             val_every=steps,
         )
-        run = RunFolder(Path(folder))
-        run.begin(config, TemplateSet.load(planning.TEMPLATES))
-        trainer = make_trainer(config, run)
+        run = PlanningRun(Path(folder))
+        module = work.module()
+        run.begin(config, module.task)
+        trainer = make_trainer(config, run, module.task)
         trainer.callbacks.append(clock)
         loader: Any = DataLoader([batch] * steps, batch_size=None, pin_memory=on_card)
         last: Any = DataLoader([batch], batch_size=None)
-        trainer.fit(work.module(), loader, last)
+        trainer.fit(module, loader, last)
     return clock.step_s, clock.peak_mb

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from shoot.cli.fit_templates import DataSource, FitTemplatesConfig, fit
 from shoot.prediction.run import open_run, predict
-from shoot.training.config import DEMO, PAPER, Precision, TrainConfig
-from shoot.training.data import load_split
-from shoot.training.loop import train
+from shoot.training.config import Precision
+from shoot.training.planning.config import DEMO, PAPER, TrainConfig
+from shoot.training.planning.data import load_split
+from shoot.training.planning.task import train
 from shoot.world.writer import VERSION, MakeWorldConfig, make_world
 
 STEPS = 200

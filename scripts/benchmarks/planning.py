@@ -17,8 +17,8 @@ from lss_core.splat_reference import lift_splat_cumsum
 from shoot.prediction.fast import FastPlanner
 from shoot.templates import TemplateSet
 from shoot.training.allocation import keep_freed_memory
-from shoot.training.config import PAPER, TrainConfig
-from shoot.training.loop import PlanningModule
+from shoot.training.planning.config import PAPER, TrainConfig
+from shoot.training.planning.task import PlanningModule
 from shoot.training.precision import fastest_precision
 
 BATCH_SIZE = 4

@@ -9,7 +9,7 @@ from benchmarks.machine import processor_name
 
 from lss_core.files import write_atomically
 from planning_table.experiments import Experiment
-from shoot.training.run_folder import RunFolder
+from shoot.training.planning.run_folder import PlanningRun
 
 Record = dict[str, Any]
 
@@ -22,7 +22,7 @@ _PARTS = ("by_manoeuvre", "by_speed", "by_condition")
 def record_of(experiment: Experiment, folder: Path, jobs: int) -> Record:
     """What is worth keeping of a finished run."""
     report = _read(folder / "report.json")
-    run = RunFolder(folder)
+    run = PlanningRun(folder)
     config = run.config()
     return {
         "name": experiment.name,

@@ -12,7 +12,7 @@ from lss_core.files import write_atomically
 from shoot.cli.app import run
 from shoot.data_report import DataReport, format_report, survey, view_cameras
 from shoot.rendering import render_calibration, save_figure
-from shoot.training.config import SMALL
+from shoot.training.planning.config import SMALL
 
 
 @dataclass(frozen=True)

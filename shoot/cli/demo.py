@@ -21,9 +21,9 @@ from shoot.prediction.run import TrainedRun, open_run, predict
 from shoot.rendering import render_sample, save_figure
 from shoot.report.sample_views import view_sample
 from shoot.report.terminal import format_table
-from shoot.training.config import DEMO
-from shoot.training.data import LabelledSplit, load_split
-from shoot.training.loop import train
+from shoot.training.planning.config import DEMO
+from shoot.training.planning.data import LabelledSplit, load_split
+from shoot.training.planning.task import train
 from shoot.world.writer import (
     MAX_TRAIN_SCENES,
     MAX_VAL_SCENES,

@@ -16,7 +16,7 @@ from shoot.cli.app import run
 from shoot.prediction.run import TrainedRun, open_run
 from shoot.rendering import render_sample, save_figure
 from shoot.report.sample_views import view_sample
-from shoot.training.data import LabelledSplit, label_rows
+from shoot.training.planning.data import LabelledSplit, label_rows
 
 
 @dataclass(frozen=True)

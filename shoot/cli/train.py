@@ -3,8 +3,8 @@
 import tyro
 
 from shoot.cli.app import run
-from shoot.training.config import PRESETS, TrainConfig
-from shoot.training.loop import train
+from shoot.training.planning.config import PRESETS, TrainConfig
+from shoot.training.planning.task import train
 
 
 def _fit(config: TrainConfig) -> None:

@@ -31,8 +31,8 @@ from shoot.metrics.ranks import negative_log_likelihood, rank_labels
 from shoot.planner import Planner
 from shoot.prediction.run import TrainedRun, predict
 from shoot.templates import TemplateSet
-from shoot.training.data import LabelledSplit, load_split
-from shoot.training.motion import TrainingMotion
+from shoot.training.planning.data import LabelledSplit, load_split
+from shoot.training.planning.motion import TrainingMotion
 from shoot.training.run_scenes import FITTED_ON, TRAINED_ON, RunScenes, check_unseen
 from shoot.trajectories import Futures
 

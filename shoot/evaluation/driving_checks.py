@@ -38,7 +38,7 @@ from lss_core.legible import legible
 from shoot.evaluation.box_moments import BoxMoments, find_moments, touched
 from shoot.evaluation.check_basis import CheckBasis
 from shoot.footprint import footprint_corners, headings, turn
-from shoot.training.data import LabelledSplit
+from shoot.training.planning.data import LabelledSplit
 from shoot.trajectories import DT_S
 
 Array = np.ndarray[Any, np.dtype[Any]]

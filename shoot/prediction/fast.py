@@ -14,7 +14,7 @@ from lss_core.model import CameraModel
 from lss_core.splat import pool
 from shoot.prediction.compiler_cache import frozen_weights
 from shoot.prediction.cuda_graph import CannotRecordError, CudaGraphs
-from shoot.training.loop import PlanningModule
+from shoot.training.planning.task import PlanningModule
 from shoot.training.precision import fastest_precision
 
 logger = logging.getLogger(__name__)

@@ -13,11 +13,11 @@ from lss_core.errors import DataError
 from lss_core.progress import progress
 from shoot.prediction.fast import FastPlanner
 from shoot.templates import TemplateSet
-from shoot.training.config import TrainConfig
-from shoot.training.data import LabelledSplit, PlanBatch, PlanningDataset, collate_plans
 from shoot.training.device import choose_device
-from shoot.training.loop import PlanningModule, check_templates
-from shoot.training.run_folder import RunFolder
+from shoot.training.planning.config import TrainConfig
+from shoot.training.planning.data import LabelledSplit, PlanBatch, PlanningDataset, collate_plans
+from shoot.training.planning.run_folder import PlanningRun
+from shoot.training.planning.task import Planning, PlanningModule
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class TrainedRun:
     config: TrainConfig
     templates: TemplateSet
     module: PlanningModule
-    folder: RunFolder
+    folder: PlanningRun
 
     @property
     def device(self) -> torch.device:
@@ -63,7 +63,7 @@ def open_run(
     Raises:
         DataError: If something is missing or does not fit together.
     """
-    run = RunFolder(Path(folder))
+    run = PlanningRun(Path(folder))
     config = run.config()
     data = replace(
         config.data,
@@ -76,7 +76,7 @@ def open_run(
     config = replace(config, data=data, model=model)
     template_set = TemplateSet.load(templates) if templates else run.templates()
     state = run.weights(checkpoint)
-    check_templates(state, template_set.sha256, f"'{run.folder}'")
+    Planning(config, template_set).check_weights(state, f"'{run.folder}'")
     try:
         module = PlanningModule(config, template_set)
         module.load_state_dict(state["state_dict"])

@@ -11,7 +11,7 @@ from shoot.prediction.run import TrainedRun
 from shoot.rendering import render_sample
 from shoot.report.html import SampleCard, figure_png, pick_samples
 from shoot.report.sample_views import view_sample
-from shoot.training.data import LabelledSplit
+from shoot.training.planning.data import LabelledSplit
 
 
 def make_cards(

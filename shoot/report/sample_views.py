@@ -13,7 +13,7 @@ from lss_core.geometry import FloatArray
 from lss_core.legible import legible
 from shoot.prediction.run import TrainedRun, batches
 from shoot.rendering import SampleView
-from shoot.training.data import LabelledSplit
+from shoot.training.planning.data import LabelledSplit
 
 _SHOWN_WIDTH_PX = 800
 # Letters of a title: a long one leaves no room for the picture.

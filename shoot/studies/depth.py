@@ -29,7 +29,7 @@ from lss_core.splat import pool
 from shoot.metrics.bootstrap import GroupBootstrap, Groups, Interval, name_groups
 from shoot.metrics.ranks import negative_log_likelihood, rank_labels
 from shoot.prediction.run import TrainedRun, batches
-from shoot.training.data import LabelledSplit
+from shoot.training.planning.data import LabelledSplit
 
 Array = np.ndarray[Any, np.dtype[Any]]
 

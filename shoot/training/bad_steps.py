@@ -12,7 +12,8 @@ from torch.amp.grad_scaler import GradScaler
 from torch.optim import Optimizer
 
 from lss_core.errors import DataError
-from shoot.training.data import PlanBatch, PlanningData
+from shoot.training.data import TaskData
+from shoot.training.task import TaskBatch
 
 logger = logging.getLogger(__name__)
 
@@ -66,7 +67,7 @@ class SkipBadSteps(Callback):
         self._in_a_row = 0
         # By type, as copies of many tensors at once must be: the module's own, and as they were.
         self._statistics: list[tuple[list[Tensor], list[Tensor]]] = []
-        self._batch: PlanBatch | None = None
+        self._batch: TaskBatch | None = None
 
     def on_train_start(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
         """Find what a forward pass changes, and room to keep it."""
@@ -79,7 +80,7 @@ class SkipBadSteps(Callback):
         ]
 
     def on_train_batch_start(
-        self, trainer: pl.Trainer, pl_module: pl.LightningModule, batch: PlanBatch, batch_idx: int
+        self, trainer: pl.Trainer, pl_module: pl.LightningModule, batch: TaskBatch, batch_idx: int
     ) -> None:
         """Keep what a forward pass changes."""
         self._batch = batch
@@ -136,7 +137,7 @@ class SkipBadSteps(Callback):
 
     def _tokens(self, trainer: pl.Trainer) -> str:
         data = trainer.datamodule  # type: ignore[attr-defined]
-        assert isinstance(data, PlanningData)
+        assert isinstance(data, TaskData)
         assert self._batch is not None
         tokens = data.train_split.index.sample_token[self._batch.sensors.sample_idx.tolist()]
         return ", ".join(tokens.tolist())

@@ -50,9 +50,14 @@ class RoundProgress(RichProgressBar):
 
 
 class RoundLines(Callback):
-    """The same as lines of a log: the loss now and then, and what each validation has found."""
+    """The same as lines of a log: the loss now and then, and what each validation has found.
 
-    def __init__(self) -> None:
+    Args:
+        of_validation: What to say of one, with the names of metrics in braces.
+    """
+
+    def __init__(self, of_validation: str) -> None:
+        self._of_validation = of_validation
         self._said_s = time.monotonic()
 
     @rank_zero_only
@@ -63,8 +68,8 @@ class RoundLines(Callback):
 
     @rank_zero_only
     def on_validation_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
-        """Say how well it plans."""
-        self._say(trainer, "validation top-10 {val_top10:.1f} %, NLL {val_nll:.3f} nats")
+        """Say how well it does."""
+        self._say(trainer, self._of_validation)
 
     def _say(self, trainer: pl.Trainer, text: str) -> None:
         found = text.format_map(trainer.callback_metrics)

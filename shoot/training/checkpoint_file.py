@@ -2,6 +2,7 @@
 
 import io
 import zipfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,6 @@ from torch import Tensor
 
 from lss_core.errors import DataError
 from lss_core.files import write_atomically
-
-_TEMPLATES = "templates_sha256"
 
 
 class WholeCheckpoints(TorchCheckpointIO):
@@ -56,7 +55,7 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
         loaded = torch.load(path, map_location="cpu", weights_only=True)
         if not isinstance(loaded, dict):
             raise TypeError("other things than weights")
-        return {_TEMPLATES: str(loaded[_TEMPLATES]), **loaded, "state_dict": _tensors(loaded)}
+        return {**loaded, "state_dict": _tensors(loaded)}
     except Exception as error:
         # torch's own words tell how to trust the file all the same.
         raise DataError(
@@ -65,11 +64,11 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
         ) from error
 
 
-def write_weights(path: Path, state_dict: dict[str, Tensor], templates_sha256: str) -> None:
-    """Write weights alone, as safetensors, with the templates they belong to."""
+def write_weights(path: Path, state_dict: dict[str, Tensor], marks: Mapping[str, str]) -> None:
+    """Write weights alone, as safetensors, with the marks of what they belong to."""
     tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in state_dict.items()}
     with write_atomically(path) as stream:
-        stream.write(safetensors.torch.save(tensors, {_TEMPLATES: templates_sha256}))
+        stream.write(safetensors.torch.save(tensors, dict(marks)))
 
 
 def read_weights(path: Path) -> dict[str, Any]:
@@ -81,7 +80,7 @@ def read_weights(path: Path) -> dict[str, Any]:
     try:
         with safetensors.safe_open(path, framework="pt") as stored:
             tensors = {name: stored.get_tensor(name) for name in stored.keys()}  # noqa: SIM118
-            return {_TEMPLATES: (stored.metadata() or {}).get(_TEMPLATES), "state_dict": tensors}
+            return {**(stored.metadata() or {}), "state_dict": tensors}
     except (OSError, ValueError, safetensors.SafetensorError) as error:
         raise DataError(
             f"'{path}' holds no weights ({error}); train again, or restore it."

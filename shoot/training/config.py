@@ -1,4 +1,4 @@
-"""What each command can be told, as frozen dataclasses, and the named presets of training."""
+"""What any run can be told, whatever its task, as frozen dataclasses."""
 
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -6,13 +6,12 @@ from typing import Annotated, Any, Literal
 
 import yaml
 from pydantic import ConfigDict, TypeAdapter, ValidationError
+from typing_extensions import Self
 
 from lss_core.bounds import MAX_COUNT, Bounds, Count, Seed, SettingError, check_settings
-from lss_core.config import DataConfig, DepthBins, ImageConfig, ModelConfig
+from lss_core.config import DataConfig, ModelConfig
 from lss_core.errors import DataError
 from lss_core.files import write_atomically
-from lss_core.grid import BevGrid
-from shoot.planner import PlannerConfig
 from shoot.training.device import Accelerator
 
 Precision = Literal["32-true", "bf16-mixed", "16-mixed"]
@@ -52,16 +51,14 @@ class OptimConfig:
         check_settings(self)
 
 
-@dataclass(frozen=True)
-class TrainConfig:
-    """One training run.
+@dataclass(frozen=True, kw_only=True)
+class RunConfig:
+    """One training run; what only some tasks know, theirs add.
 
     Attributes:
-        templates: Template file, made by shoot-fit-templates.
         out: Run folder.
         data: Which data.
-        model: Network from images or lidar points to cost map.
-        planner: How the cost map is read.
+        model: Network from images or lidar points to the map.
         optim: Optimisation.
         train_split: Scenes trained on.
         val_split: Scenes validated on; it shares none with `train_split`.
@@ -79,17 +76,16 @@ class TrainConfig:
             does anyway.
         seed: Of everything random.
         resume: Go on from the run's last checkpoint.
-        allow_seen_scenes: Validate also on scenes that the templates were fitted on.
+        allow_seen_scenes: Validate also on scenes that something of the run, as its templates, was
+            fitted on.
     """
 
     # A misspelt key in a config file must not pass for the default; nested classes inherit this.
     __pydantic_config__ = ConfigDict(extra="forbid")
 
-    templates: str
     out: str
     data: DataConfig = field(default_factory=DataConfig)
     model: ModelConfig = field(default_factory=ModelConfig)
-    planner: PlannerConfig = field(default_factory=PlannerConfig)
     optim: OptimConfig = field(default_factory=OptimConfig)
     train_split: str = "train"
     val_split: str = "val"
@@ -113,9 +109,9 @@ class TrainConfig:
                 f"train_split and val_split are both '{self.train_split}', but must share no scene."
             )
         if not self.data.lidar_scans:
-            self._check_cameras_planner()
+            self._check_cameras()
 
-    def _check_cameras_planner(self) -> None:
+    def _check_cameras(self) -> None:
         for name in ("height_px", "width_px"):
             side = getattr(self.data.image, name)
             if side % self.model.image_stride:
@@ -129,13 +125,27 @@ class TrainConfig:
                 "smaller step_m."
             )
 
+    def what_is_computed(self) -> Self:
+        """The same wherever things are and however they run; a run that goes on must share it."""
+        return replace(
+            self,
+            out="-",
+            data=replace(self.data, root="-"),
+            resume=False,
+            num_workers=0,
+            accelerator="auto",
+            devices=1,
+            num_nodes=1,
+            allow_seen_scenes=False,
+        )
+
     def save(self, path: Path) -> None:
         """Write it as YAML."""
         with write_atomically(path) as stream:
             stream.write(yaml.safe_dump(_plain(asdict(self)), sort_keys=False).encode())
 
-    @staticmethod
-    def load(path: Path) -> "TrainConfig":
+    @classmethod
+    def load(cls, path: Path) -> Self:
         """Read it from YAML.
 
         Raises:
@@ -145,7 +155,7 @@ class TrainConfig:
             raise DataError(f"'{path.parent}' is no run folder: it has no {path.name}.")
         try:
             loaded = _in_todays_words(yaml.safe_load(path.read_text(encoding="utf-8")))
-            return TypeAdapter(TrainConfig).validate_python(loaded)
+            return TypeAdapter(cls).validate_python(loaded)
         except ValidationError as error:
             wrong = "; ".join(
                 f"{'.'.join(str(part) for part in detail['loc'])}: {detail['msg']}"
@@ -171,58 +181,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items()}
     return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
-
-
-_CPU_IMAGE = ImageConfig(
-    height_px=64,
-    width_px=176,
-    resize=(1.0, 1.0),
-    crop_bottom=(0.11, 0.11),
-    rotate_rad=0.0,
-    flip=False,
-)
-_CPU_MODEL = ModelConfig(
-    backbone="plain-16-32-64-128",
-    pretrained="none",
-    context_channels=32,
-    image_stride=8,
-    neck_channels=64,
-    stem_channels=24,
-    decoder_channels=48,
-    depth=DepthBins(min_m=4.0, max_m=46.0, step_m=2.0),
-    grid=BevGrid(x_min_m=-10.0, x_max_m=70.0, y_min_m=-32.0, y_max_m=32.0, cell_m=1.0),
-)
-
-# All samples at each of its 300 validations would be more images than it trains on.
-PAPER = TrainConfig(templates="templates.npz", out="runs/paper", val_samples=600)
-SMALL = TrainConfig(
-    templates="templates.npz",
-    out="runs/small",
-    data=DataConfig(image=_CPU_IMAGE),
-    model=_CPU_MODEL,
-    optim=OptimConfig(
-        steps=5600, batch_size=8, learning_rate=2e-3, warmup_steps=100, schedule="cosine"
-    ),
-    val_every=800,
-    val_samples=400,
-    num_workers=0,  # on two cores a worker takes more time from the convolutions than it saves
-    accelerator="cpu",
-    precision="auto",
-)
-DEMO = replace(
-    SMALL,
-    out="runs/demo",
-    optim=replace(SMALL.optim, steps=450, warmup_steps=45),
-    val_every=150,
-    val_samples=120,
-)
-LIDAR1 = replace(SMALL, out="runs/lidar1", data=replace(SMALL.data, lidar_scans=1))
-LIDAR10 = replace(SMALL, out="runs/lidar10", data=replace(SMALL.data, lidar_scans=10))
-
-PRESETS: dict[str, tuple[str, TrainConfig]] = {
-    "demo": ("Minutes on a laptop's CPU, on the synthetic world.", DEMO),
-    "small": ("The preset of our reported results: 20 minutes on two cores.", SMALL),
-    "lidar1": ("As small, from one lidar scan instead of the cameras.", LIDAR1),
-    "lidar10": ("As small, from ten lidar scans (half a second, ego motion undone).", LIDAR10),
-    "paper": ("The paper's sizes: EfficientNet-B0, 128x352, 200x200 cells, 300k steps.", PAPER),
-}

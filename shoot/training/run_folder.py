@@ -1,4 +1,4 @@
-"""A run folder: config, templates, versions and checkpoints of one training run."""
+"""A run folder: config, versions and checkpoints of one training run, and what its task adds."""
 
 import json
 import platform
@@ -6,15 +6,17 @@ import subprocess
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pytorch_lightning.utilities import rank_zero_only
 
 from lss_core.errors import DataError
 from lss_core.files import clear_leftovers, write_atomically
-from shoot.templates import TemplateSet
 from shoot.training.checkpoint_file import read_checkpoint, read_weights
-from shoot.training.config import TrainConfig
+from shoot.training.config import RunConfig
+from shoot.training.task import Task
+
+ConfigT = TypeVar("ConfigT", bound=RunConfig)
 
 LAST, BEST = "last.ckpt", "best.ckpt"
 _LIBRARIES = ("torch", "pytorch-lightning", "timm", "numpy", "nuscenes-devkit", "shoot")
@@ -34,11 +36,6 @@ class RunFolder:
     def config_file(self) -> Path:
         """What the run was told."""
         return self.folder / "config.yaml"
-
-    @property
-    def templates_file(self) -> Path:
-        """The run's own copy of its templates."""
-        return self.folder / "templates.npz"
 
     @property
     def checkpoints(self) -> Path:
@@ -61,26 +58,16 @@ class RunFolder:
         return self.folder / "tensorboard"
 
     @property
-    def motion_file(self) -> Path:
-        """What its baselines are fitted to."""
-        return self.folder / "training_motion.npz"
-
-    @property
     def scenes_file(self) -> Path:
         """Which scenes it has seen."""
         return self.folder / "scenes.json"
-
-    @property
-    def past_motion_file(self) -> Path:
-        """Networks of the baseline past motion, kept by the first evaluation."""
-        return self.folder / "past_motion.safetensors"
 
     @property
     def time_file(self) -> Path:
         """How long the finished run has trained."""
         return self.folder / "training_time.json"
 
-    def begin(self, config: TrainConfig, templates: TemplateSet) -> Path | None:
+    def begin(self, config: RunConfig, task: Task[Any, Any]) -> Path | None:
         """Write what the run is; returns the checkpoint to resume from, if any.
 
         Raises:
@@ -102,50 +89,36 @@ class RunFolder:
                 )
             if config.resume:
                 self._check_same(config)
-                if self.templates_file.exists():
-                    own = TemplateSet.load(self.templates_file)
-                    if own.sha256 != templates.sha256:
-                        raise DataError(
-                            f"'{self.folder}' was trained with other templates than "
-                            f"'{config.templates}'; give it its own ones."
-                        )
-        self._write(config, templates)
+                task.check_folder(self.folder)
+        self._write(config, task)
         return last if config.resume and last.exists() else None
 
     @rank_zero_only
-    def _write(self, config: TrainConfig, templates: TemplateSet) -> None:
+    def _write(self, config: RunConfig, task: Task[Any, Any]) -> None:
         self.checkpoints.mkdir(parents=True, exist_ok=True)
         # Also those of files that may not be written again, as best.ckpt.
         clear_leftovers(self.folder)
-        templates.save(self.templates_file)
+        task.save(self.folder)
         root = str(Path(config.data.root).absolute())
         replace(config, data=replace(config.data, root=root)).save(self.config_file)
         with write_atomically(self.folder / "environment.json") as stream:
             stream.write(json.dumps(_environment(), indent=2).encode())
 
-    def config(self) -> TrainConfig:
+    def read_config(self, config_type: type[ConfigT]) -> ConfigT:
         """What the run was told; a relative data root, as of a run given to others, is its own.
 
         Raises:
             DataError: If this is no run folder.
         """
-        config = TrainConfig.load(self.config_file)
+        config = config_type.load(self.config_file)
         root = str(self.folder / config.data.root)
         return replace(config, data=replace(config.data, root=root))
-
-    def templates(self) -> TemplateSet:
-        """The templates it was trained with.
-
-        Raises:
-            DataError: If they are missing.
-        """
-        return TemplateSet.load(self.templates_file)
 
     def weights(self, which: str) -> dict[str, Any]:
         """Weights under `state_dict` and what they belong to, read without running code from them.
 
         Where there are no checkpoints, the `last` ones are those of `weights.safetensors`: config,
-        templates and this file are all that a run needs to be given to others.
+        what the task adds and this file are all that a run needs to be given to others.
 
         Args:
             which: `last` or `best`.
@@ -158,22 +131,9 @@ class RunFolder:
             return read_weights(self.weights_file)
         return read_checkpoint(path)
 
-    def _check_same(self, config: TrainConfig) -> None:
-        """What may differ on resuming: where things are and how they run, not what is computed."""
-        free = {
-            "templates": "-",
-            "out": "-",
-            "resume": False,
-            "num_workers": 0,
-            "accelerator": "auto",
-            "devices": 1,
-            "num_nodes": 1,
-            "allow_seen_scenes": False,
-        }
-        before = replace(self.config(), **free)  # type: ignore[arg-type]
-        now = replace(config, **free)  # type: ignore[arg-type]
-        before = replace(before, data=replace(before.data, root="-"))
-        now = replace(now, data=replace(now.data, root="-"))
+    def _check_same(self, config: RunConfig) -> None:
+        before = self.read_config(type(config)).what_is_computed()
+        now = config.what_is_computed()
         if before != now:
             differ = [n for n in vars(now) if getattr(now, n) != getattr(before, n)]
             raise DataError(

@@ -23,8 +23,8 @@ from shoot.baselines import kept_past_motion
 from shoot.cli import demo
 from shoot.prediction.run import open_run
 from shoot.templates import TemplateSet
-from shoot.training.config import TrainConfig
-from shoot.training.motion import TrainingMotion
+from shoot.training.planning.config import TrainConfig
+from shoot.training.planning.motion import TrainingMotion
 
 NUM_VAL = NUM_VAL_SCENES * SAMPLES_A_SCENE
 

@@ -29,8 +29,9 @@ from shoot.cli.evaluate import EvaluateConfig
 from shoot.cli.fit_templates import DataSource, FitTemplatesConfig
 from shoot.cli.render import RenderConfig
 from shoot.templates import TemplateSet
-from shoot.training.config import DEMO, PAPER, PRESETS, OptimConfig, TrainConfig
-from shoot.training.loop import check_grid
+from shoot.training.config import OptimConfig
+from shoot.training.planning.config import DEMO, PAPER, PRESETS, TrainConfig
+from shoot.training.planning.task import check_grid
 from shoot.world.writer import MakeWorldConfig
 
 NAN, INF = math.nan, math.inf

@@ -8,8 +8,8 @@ from shoot.baselines import fit_past_motion
 from shoot.evaluation.comparison import Scored, baseline_log_probs, score, sum_up
 from shoot.evaluation.known_speed import tell_speed
 from shoot.prediction.run import TrainedRun, open_run, predict
-from shoot.training.data import LabelledSplit
-from shoot.training.motion import TrainingMotion
+from shoot.training.planning.data import LabelledSplit
+from shoot.training.planning.motion import TrainingMotion
 
 SAME_FOR_ALL = ("prior", "standing_still", "blind")
 

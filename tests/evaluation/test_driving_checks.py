@@ -32,7 +32,7 @@ from shoot.footprint import (
     EGO_WIDTH_M,
     rectangles_overlap,
 )
-from shoot.training.data import LabelledSplit
+from shoot.training.planning.data import LabelledSplit
 
 
 def _checks(root: Path, things: list[Thing], **more: Any) -> tuple[DrivingChecks, LabelledSplit]:

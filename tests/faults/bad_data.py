@@ -13,7 +13,7 @@ from lss_core.config import CAMERAS, DataConfig, ImageConfig
 from lss_core.data.usable import LeftOut
 from lss_core.errors import DataError
 from shoot.templates import TemplateSet
-from shoot.training.data import LabelledSplit, PlanningDataset, load_split
+from shoot.training.planning.data import LabelledSplit, PlanningDataset, load_split
 
 OUTCOME = "one sentence that names file and record, or skipped, counted and listed"
 CAMS = CAMERAS[:2]

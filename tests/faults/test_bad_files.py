@@ -17,7 +17,7 @@ from world_fixture import Said, TinyRun, command, complaint, evaluate, train_fla
 from lss_core.errors import DataError
 from shoot.prediction.run import open_run
 from shoot.templates import TemplateSet
-from shoot.training.run_folder import RunFolder
+from shoot.training.planning.run_folder import PlanningRun
 
 REFUSED = "refused in one sentence, no code run, no memory filled"
 
@@ -250,7 +250,7 @@ def test_weights_alone_are_enough(tiny_run: TinyRun, tmp_path: Path) -> None:
     for name, value in ours.module.state_dict().items():
         assert torch.equal(theirs.module.state_dict()[name], value), name
     with pytest.raises(DataError, match=r"no checkpoint '.*best\.ckpt'"):
-        RunFolder(given).weights("best")
+        PlanningRun(given).weights("best")
     flags = train_flags(tiny_run.root, tiny_run.templates, given, 4, 2)
     for more in ([], ["--resume"]):
         said = complaint(command("shoot-train", *flags, *more))

@@ -14,7 +14,7 @@ from lss_core.model import CameraModel
 from lss_core.splat_reference import lift_splat_cumsum
 from shoot.planner import TemplateReads
 from shoot.prediction.run import batches, open_run
-from shoot.training.data import load_split
+from shoot.training.planning.data import load_split
 
 
 def score_sums(cost_map: Tensor, reads: TemplateReads, off_grid_cost: Tensor) -> Tensor:

@@ -14,8 +14,8 @@ from tally import throw
 from world_fixture import NUM_TEMPLATES, TinyRun, command, train_flags
 
 from shoot.templates import TemplateSet
-from shoot.training.config import TrainConfig
-from shoot.training.data import PlanBatch, PlanningData
+from shoot.training.planning.config import TrainConfig
+from shoot.training.planning.data import PlanBatch
 
 SAME = "the same bytes"
 
@@ -86,9 +86,8 @@ def config(tiny_run: TinyRun) -> TrainConfig:
 
 def read(config: TrainConfig, num_workers: int) -> list[PlanBatch]:
     """50 samples in a round of 25 batches: the 20 samples of the set, two and a half times."""
-    data = PlanningData(
-        replace(config, num_workers=num_workers), TemplateSet.load(config.templates)
-    )
+    task = Planning(config, TemplateSet.load(config.templates))
+    data = TaskData(replace(config, num_workers=num_workers), task)
     return list(data.train_dataloader())
 
 

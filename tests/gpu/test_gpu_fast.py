@@ -14,7 +14,7 @@ from shoot.prediction import fast
 from shoot.prediction.cuda_graph import CudaGraphs
 from shoot.prediction.fast import FastPlanner
 from shoot.prediction.run import TrainedRun, batches, open_run
-from shoot.training.data import load_split
+from shoot.training.planning.data import load_split
 
 Sensors = tuple[TrainedRun, Batch]
 

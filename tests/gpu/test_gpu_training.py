@@ -15,10 +15,10 @@ from torch import Tensor
 from world_fixture import TinyRun, command, train_flags
 
 from shoot.training.bad_steps import SkipBadSteps
-from shoot.training.data import PlanningData
-from shoot.training.loop import PlanningModule
+from shoot.training.data import TaskData
 from shoot.training.metrics_file import read_metrics
-from shoot.training.run_folder import RunFolder
+from shoot.training.planning.run_folder import PlanningRun
+from shoot.training.planning.task import Planning, PlanningModule
 
 PRECISIONS = ("32-true", "bf16-mixed", "16-mixed")
 
@@ -101,9 +101,9 @@ def test_a_deterministic_run_repeats_and_resumes_to_the_bit(
     with ending_at(5), pytest.raises(ArithmeticError):
         train(tiny_run, tmp_path / "resumed", *flags)
     train(tiny_run, tmp_path / "resumed", *flags, "--resume")
-    first = RunFolder(tmp_path / "first").weights("last")["state_dict"]
+    first = PlanningRun(tmp_path / "first").weights("last")["state_dict"]
     for name in ("second", "resumed"):
-        again = RunFolder(tmp_path / name).weights("last")["state_dict"]
+        again = PlanningRun(tmp_path / name).weights("last")["state_dict"]
         assert first.keys() == again.keys()
         for key, value in first.items():
             assert torch.equal(value, again[key]), (name, key)
@@ -141,8 +141,8 @@ def test_a_step_waits_for_the_device_once(
 
 
 def test_a_batch_is_copied_while_the_host_goes_on(tiny_run: TinyRun) -> None:
-    run = RunFolder(tiny_run.folder)
-    data = PlanningData(run.config(), run.templates())
+    run = PlanningRun(tiny_run.folder)
+    data = TaskData(run.config(), Planning(run.config(), run.templates()))
     batch = next(iter(data.train_dataloader())).pin_memory()
     torch.zeros(1, device="cuda")  # sets the device up
     torch.cuda.set_sync_debug_mode("error")

@@ -19,7 +19,7 @@ from shoot.prediction import fast
 from shoot.prediction.compiler_cache import frozen_weights, processor_tag
 from shoot.prediction.fast import FastPlanner
 from shoot.prediction.run import TrainedRun, batches, open_run
-from shoot.training.data import load_split
+from shoot.training.planning.data import load_split
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from shoot.metrics.manoeuvres import classify_manoeuvres
 from shoot.metrics.ranks import rank_labels
 from shoot.prediction.run import open_run, predict
 from shoot.report.sample_cards import make_cards
-from shoot.training.data import load_split
+from shoot.training.planning.data import load_split
 
 
 def test_cards_hold_what_the_planner_says_of_their_samples(tiny_run: TinyRun) -> None:

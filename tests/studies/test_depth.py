@@ -17,7 +17,7 @@ from shoot.studies.depth import (
     study_depth,
     tell_depth,
 )
-from shoot.training.data import load_split
+from shoot.training.planning.data import load_split
 
 DEPTHS_M = (4.0, 6.0, 8.0, 10.0)
 

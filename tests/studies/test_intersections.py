@@ -10,7 +10,7 @@ from lss_core.config import DataConfig
 from lss_core.errors import DataError
 from shoot.studies.turn_leak.intersections import find_questions, scene_origin
 from shoot.templates import TemplateSet
-from shoot.training.data import LabelledSplit, load_split
+from shoot.training.planning.data import LabelledSplit, load_split
 from shoot.world.writer import CARD, VERSION, MakeWorldConfig, make_world
 
 

@@ -11,8 +11,8 @@ import torch
 from torch import Tensor
 from world_fixture import TinyRun, command, train_flags
 
-from shoot.training.loop import PlanningModule
 from shoot.training.metrics_file import read_metrics
+from shoot.training.planning.task import PlanningModule
 
 pytestmark = pytest.mark.trains
 

@@ -11,10 +11,10 @@ from pytorch_lightning.plugins import MixedPrecision
 from world_fixture import TinyRun
 
 from shoot.training.bad_steps import clip_gradients
-from shoot.training.data import PlanningData
-from shoot.training.loop import PlanningModule, make_trainer
+from shoot.training.loop import make_trainer
 from shoot.training.metrics_file import read_metrics
-from shoot.training.run_folder import RunFolder
+from shoot.training.planning.run_folder import PlanningRun
+from shoot.training.planning.task import PlanningModule
 
 pytestmark = pytest.mark.trains
 
@@ -86,16 +86,16 @@ def trained(
     tiny_run: TinyRun, folder: Path, precision: MixedPrecision | None, steps: int
 ) -> list[float]:
     """The gradient's norm at each step of a run."""
-    run = RunFolder(tiny_run.folder)
+    run = PlanningRun(tiny_run.folder)
     config, templates = run.config(), run.templates()
     config = replace(config, val_every=1, optim=replace(config.optim, steps=steps))
     pl.seed_everything(0, verbose=False)
     module = PlanningModule(config, templates)
-    trainer = make_trainer(config, RunFolder(folder))
+    trainer = make_trainer(config, PlanningRun(folder), module.task)
     if precision is not None:
         # By its name Lightning takes float16 on GPUs only.
         trainer.strategy.precision_plugin = precision
-    trainer.fit(module, datamodule=PlanningData(config, templates))
+    trainer.fit(module, datamodule=TaskData(config, module.task))
     rows = read_metrics(folder / "metrics.csv")
     return [float(rows[step]["grad_norm"]) for step in range(steps)]
 
@@ -116,7 +116,7 @@ def test_float16_finds_its_scale(tiny_run: TinyRun, tmp_path: Path) -> None:
     # Times 65536, as torch begins, these gradients are beyond float16: a step changes nothing.
     (first,) = trained(tiny_run, tmp_path / "one", MixedPrecision("16-mixed", "cpu"), 1)
     assert math.isinf(first)
-    for name, value in RunFolder(tmp_path / "one").weights("last")["state_dict"].items():
+    for name, value in PlanningRun(tmp_path / "one").weights("last")["state_dict"].items():
         if name.endswith(("running_mean", "num_batches_tracked")):
             assert not value.any(), name
     precision = MixedPrecision("16-mixed", "cpu")

@@ -9,7 +9,8 @@ from lss_core.config import DataConfig, DepthBins, ImageConfig, ModelConfig
 from lss_core.errors import DataError
 from lss_core.grid import BevGrid
 from shoot.planner import PlannerConfig
-from shoot.training.config import DEMO, PAPER, PRESETS, OptimConfig, TrainConfig
+from shoot.training.config import OptimConfig
+from shoot.training.planning.config import DEMO, PAPER, PRESETS, TrainConfig
 
 
 @pytest.mark.parametrize("preset", PRESETS)

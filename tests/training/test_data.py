@@ -16,16 +16,12 @@ from lss_core.config import CAMERAS, DataConfig, ImageConfig
 from lss_core.data.samples import load_index, rows_of_split
 from lss_core.errors import DataError
 from shoot.templates import TemplateSet, fit_templates
-from shoot.training.config import OptimConfig, TrainConfig
-from shoot.training.data import (
-    PlanBatch,
-    PlanningData,
-    PlanningDataset,
-    ShareSampler,
-    StepSampler,
-    collate_plans,
-    load_split,
-)
+from shoot.training.config import OptimConfig
+from shoot.training.data import TaskData
+from shoot.training.planning.config import TrainConfig
+from shoot.training.planning.data import PlanBatch, PlanningDataset, collate_plans, load_split
+from shoot.training.planning.task import Planning
+from shoot.training.samplers import ShareSampler, StepSampler
 from shoot.trajectories import mine_futures
 
 
@@ -227,7 +223,7 @@ def test_shares_are_a_partition(num: int, world_size: int) -> None:
 
 
 def test_training_loader_reads_a_round(config: TrainConfig, templates: TemplateSet) -> None:
-    module = PlanningData(config, templates)
+    module = TaskData(config, Planning(config, templates))
     batches = list(module.train_dataloader())
     assert [len(batch.template_idx) for batch in batches] == [4, 4, 4]
     rows = torch.cat([batch.sensors.sample_idx for batch in batches]).tolist()
@@ -239,7 +235,7 @@ def test_training_loader_reads_a_round(config: TrainConfig, templates: TemplateS
 def test_validation_loader_reads_every_sample_once(
     config: TrainConfig, templates: TemplateSet
 ) -> None:
-    module = PlanningData(config, templates)
+    module = TaskData(config, Planning(config, templates))
     batches = list(module.val_dataloader())
     assert [len(batch.template_idx) for batch in batches] == [7]
     rows = torch.cat([batch.sensors.sample_idx for batch in batches]).tolist()
@@ -251,7 +247,7 @@ def test_validation_takes_larger_batches(
     config: TrainConfig, templates: TemplateSet, trains_on: int, validates_on: int
 ) -> None:
     optim = replace(config.optim, batch_size=trains_on)
-    module = PlanningData(replace(config, optim=optim), templates)
+    module = TaskData(replace(config, optim=optim), Planning(config, templates))
     assert module.train_dataloader().batch_size == trains_on
     assert module.val_dataloader().batch_size == validates_on
 
@@ -260,7 +256,7 @@ def test_validation_takes_larger_batches(
 def test_fewer_validation_samples_are_spread(
     config: TrainConfig, templates: TemplateSet, wanted: int, got: int
 ) -> None:
-    module = PlanningData(replace(config, val_samples=wanted), templates)
+    module = TaskData(replace(config, val_samples=wanted), Planning(config, templates))
     rows = torch.cat([b.sensors.sample_idx for b in module.val_dataloader()])
     assert len(set(rows.tolist())) == got
     if got == 3:
@@ -268,8 +264,10 @@ def test_fewer_validation_samples_are_spread(
 
 
 def test_workers_change_nothing(config: TrainConfig, templates: TemplateSet) -> None:
-    alone = list(PlanningData(config, templates).train_dataloader())
-    helped = list(PlanningData(replace(config, num_workers=2), templates).train_dataloader())
+    alone = list(TaskData(config, Planning(config, templates)).train_dataloader())
+    helped = list(
+        TaskData(replace(config, num_workers=2), Planning(config, templates)).train_dataloader()
+    )
     for one, other in zip(alone, helped, strict=True):
         assert torch.equal(one.sensors.images, other.sensors.images)
         assert torch.equal(one.template_idx, other.template_idx)
@@ -277,13 +275,13 @@ def test_workers_change_nothing(config: TrainConfig, templates: TemplateSet) -> 
 
 def test_splits_that_share_scenes_are_refused(config: TrainConfig, templates: TemplateSet) -> None:
     with pytest.raises(DataError, match="share 2 scenes"):
-        PlanningData(replace(config, val_split="train_detect"), templates)
+        TaskData(replace(config, val_split="train_detect"), Planning(config, templates))
 
 
 def test_batch_must_be_shared_evenly(
     config: TrainConfig, templates: TemplateSet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    module = PlanningData(config, templates)
+    module = TaskData(config, Planning(config, templates))
     monkeypatch.setattr(module, "_share", lambda: (0, 3))
     with pytest.raises(DataError, match="batch of 4 cannot be shared by 3 processes"):
         module.train_dataloader()

@@ -3,16 +3,21 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from pytorch_lightning.accelerators import CPUAccelerator, MPSAccelerator
 from world_fixture import TinyRun, command, train_flags
 
 from lss_core.errors import DataError
-from shoot.training.config import DEMO
+from shoot.templates import TemplateSet
 from shoot.training.device import Accelerator, choose_device
 from shoot.training.loop import make_trainer
-from shoot.training.run_folder import RunFolder
+from shoot.training.planning.config import DEMO
+from shoot.training.planning.run_folder import PlanningRun
+from shoot.training.planning.task import Planning
+
+TEMPLATES = TemplateSet(np.zeros((1, 20, 2), np.float32), 0.25, np.ones(1, np.int64))
 
 
 def machine(monkeypatch: pytest.MonkeyPatch, has_cuda: bool) -> None:
@@ -41,7 +46,7 @@ def test_the_device(
 def test_training_leaves_apples_gpu_alone(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     machine(monkeypatch, has_cuda=False)
     config = replace(DEMO, accelerator="auto", precision="32-true")
-    trainer = make_trainer(config, RunFolder(tmp_path))
+    trainer = make_trainer(config, PlanningRun(tmp_path), Planning(config, TEMPLATES))
     assert isinstance(trainer.accelerator, CPUAccelerator)
 
 

@@ -18,9 +18,9 @@ import torch
 from world_fixture import TinyRun, call_command, command, start_beside, train_flags
 
 from shoot.training import precision
-from shoot.training.data import PlanningData
-from shoot.training.loop import PlanningModule, make_trainer
-from shoot.training.run_folder import RunFolder
+from shoot.training.loop import make_trainer
+from shoot.training.planning.run_folder import PlanningRun
+from shoot.training.planning.task import PlanningModule
 
 PATIENCE_S = 400
 
@@ -28,12 +28,12 @@ PATIENCE_S = 400
 def validate(run_folder: Path, out: Path) -> None:
     """Write the metrics of a run's last checkpoint on its validation split."""
     torch.set_num_threads(1)
-    run = RunFolder(run_folder)
+    run = PlanningRun(run_folder)
     config, templates = run.config(), run.templates()
     module = PlanningModule(config, templates)
     module.load_state_dict(run.weights("last")["state_dict"])
-    trainer = make_trainer(config, RunFolder(out))
-    (result,) = trainer.validate(module, datamodule=PlanningData(config, templates), verbose=False)
+    trainer = make_trainer(config, PlanningRun(out), module.task)
+    (result,) = trainer.validate(module, datamodule=TaskData(config, module.task), verbose=False)
     if trainer.is_global_zero:
         (out / "metrics.json").write_text(json.dumps(result))
 
@@ -210,20 +210,20 @@ def test_the_loss_curve_does_not_depend_on_processes(
         assert float(row["grad_norm"]) == pytest.approx(float(lone["grad_norm"]), rel=2e-3)
         assert float(row["lr-Adam"]) == float(lone["lr-Adam"])
     if way == "devices":
-        assert RunFolder(tmp_path / "run").config().devices == 2
+        assert PlanningRun(tmp_path / "run").config().devices == 2
 
 
 def train_apart(run_folder: Path, out: Path) -> None:
     """Train with batch statistics of each process's own; each leaves its weights and buffers."""
     torch.set_num_threads(1)
-    run = RunFolder(run_folder)
+    run = PlanningRun(run_folder)
     config, templates = run.config(), run.templates()
     optim = replace(config.optim, steps=3, batch_size=2)
     config = replace(config, optim=optim, val_every=2, sync_batchnorm=False)
     pl.seed_everything(3, verbose=False)
     module = PlanningModule(config, templates)
-    trainer = make_trainer(config, RunFolder(out))
-    trainer.fit(module, datamodule=PlanningData(config, templates))
+    trainer = make_trainer(config, PlanningRun(out), module.task)
+    trainer.fit(module, datamodule=TaskData(config, module.task))
     torch.save(module.state_dict(), out / f"weights{trainer.global_rank}.pt")
 
 

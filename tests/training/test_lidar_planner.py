@@ -15,7 +15,7 @@ from lss_core.data.samples import load_index
 from shoot.prediction import fast
 from shoot.prediction.fast import FastPlanner
 from shoot.prediction.run import batches, open_run, predict
-from shoot.training.data import load_split
+from shoot.training.planning.data import load_split
 
 
 def test_a_lidar_planner_from_training_to_pictures(

@@ -24,9 +24,9 @@ from lss_core.errors import DataError
 from shoot.baselines import kept_past_motion
 from shoot.prediction.run import open_run
 from shoot.templates import TemplateSet
-from shoot.training.data import load_split
-from shoot.training.motion import TrainingMotion
-from shoot.training.run_folder import RunFolder
+from shoot.training.planning.data import load_split
+from shoot.training.planning.motion import TrainingMotion
+from shoot.training.planning.run_folder import PlanningRun
 
 
 def evaluate(run: Path, out: Path, *flags: object) -> dict[str, Any]:
@@ -90,7 +90,7 @@ def _spoil(stored: dict[str, Any], how: str) -> None:
 def test_a_file_that_does_not_fit_says_what_does_not(
     tiny_run: TinyRun, tmp_path: Path, how: str
 ) -> None:
-    run = RunFolder(tiny_run.folder)
+    run = PlanningRun(tiny_run.folder)
     with np.load(run.motion_file) as archive:
         stored = dict(archive)
     _spoil(stored, how)
@@ -169,7 +169,7 @@ def test_a_run_given_away_with_its_data_finds_it_beside_itself(
 
 def test_networks_of_past_motion_are_fitted_once_a_run(tiny_run: TinyRun, tmp_path: Path) -> None:
     run = copy_run(tiny_run, tmp_path)
-    kept = RunFolder(run.folder).past_motion_file
+    kept = PlanningRun(run.folder).past_motion_file
     kept.unlink(missing_ok=True)
     fitted = evaluate(run.folder, tmp_path / "first.json")
     written = kept.stat().st_mtime_ns
@@ -181,7 +181,7 @@ def test_networks_of_past_motion_are_fitted_once_a_run(tiny_run: TinyRun, tmp_pa
 
 
 def test_networks_kept_for_other_labels_are_not_taken(tiny_run: TinyRun, tmp_path: Path) -> None:
-    run = RunFolder(tiny_run.folder)
+    run = PlanningRun(tiny_run.folder)
     known = TrainingMotion.load(run.motion_file, run.templates())
     points, path = run.templates().points, tmp_path / "past_motion.safetensors"
     split = load_split(run.config().data, "val", run.templates())

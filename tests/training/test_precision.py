@@ -4,8 +4,8 @@ from world_fixture import TinyRun, command, train_flags
 
 from shoot.training import loop as training
 from shoot.training import precision
+from shoot.training.planning.run_folder import PlanningRun
 from shoot.training.precision import fastest_precision
-from shoot.training.run_folder import RunFolder
 
 pytestmark = pytest.mark.trains
 
@@ -40,8 +40,8 @@ def test_a_run_keeps_the_precision_it_was_begun_with(
     monkeypatch.setattr(training, "fastest_precision", lambda _: "bf16-mixed")
     said = command("shoot-train", *flags)
     assert said.status == 0, said.err
-    assert RunFolder(folder).config().precision == "bf16-mixed"
+    assert PlanningRun(folder).config().precision == "bf16-mixed"
     monkeypatch.setattr(training, "fastest_precision", lambda _: "32-true")
     said = command("shoot-train", *flags, "--resume")
     assert said.status == 0, said.err
-    assert RunFolder(folder).config().precision == "bf16-mixed"
+    assert PlanningRun(folder).config().precision == "bf16-mixed"

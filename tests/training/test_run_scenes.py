@@ -26,7 +26,7 @@ from lss_core.data.drives import KnownScene
 from lss_core.errors import DataError
 from lss_core.files import check_writable
 from shoot.templates import TemplateSet
-from shoot.training.run_folder import RunFolder
+from shoot.training.planning.run_folder import PlanningRun
 from shoot.training.run_scenes import RunScenes
 
 RENAMED = tuple(replace(ride, name=f"scene-{14 + i:04d}") for i, ride in enumerate(TRAIN_RIDES))
@@ -55,7 +55,7 @@ def copy(tiny_run: TinyRun, tmp_path: Path) -> TinyRun:
 
 
 def test_a_run_keeps_its_scenes(tiny_run: TinyRun, tmp_path: Path) -> None:
-    kept = RunScenes.load(RunFolder(tiny_run.folder).scenes_file)
+    kept = RunScenes.load(PlanningRun(tiny_run.folder).scenes_file)
     assert kept is not None
     assert [scene.name for scene in kept.trained] == [ride.name for ride in TRAIN_RIDES]
     assert [scene.name for scene in kept.validated] == [ride.name for ride in VAL_RIDES]
@@ -137,17 +137,17 @@ def test_templates_fitted_on_a_copy_of_what_is_validated_on(
 
 
 def test_a_run_from_before_is_compared_by_token(copy: TinyRun, tmp_path: Path) -> None:
-    RunFolder(copy.folder).scenes_file.unlink()
+    PlanningRun(copy.folder).scenes_file.unlink()
     said = command("shoot-evaluate", copy.folder, "--out", tmp_path / "report.json")
     assert said.status == 0, said.err
     assert "has no scenes.json" in " ".join((said.out + said.err).split())
     write_splits(copy.root, train=(*TRAIN_RIDES[:3], VAL_RIDES[0]), val=VAL_RIDES[1:])
     told = refused("shoot-train", *resume_flags(copy))
     assert "other training scenes: 1 are new ('scene-0003' is one), 1 are gone ('token" in told
-    assert not RunFolder(copy.folder).scenes_file.exists()
+    assert not PlanningRun(copy.folder).scenes_file.exists()
     write_splits(copy.root, train=TRAIN_RIDES, val=VAL_RIDES)
     assert command("shoot-train", *resume_flags(copy)).status == 0
-    assert RunFolder(copy.folder).scenes_file.exists()
+    assert PlanningRun(copy.folder).scenes_file.exists()
 
 
 @pytest.mark.parametrize(

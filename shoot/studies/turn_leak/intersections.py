@@ -15,7 +15,7 @@ from lss_core.data.splits import official_scenes
 from lss_core.errors import DataError
 from lss_core.geometry import FloatArray
 from shoot.studies.turn_leak.answers import Question
-from shoot.training.data import LabelledSplit
+from shoot.training.planning.data import LabelledSplit
 from shoot.world.nuscenes.capture import LIDAR_PERIOD_S
 from shoot.world.nuscenes.tiling import Split, seed_of, tile_of
 from shoot.world.town.roads import make_town

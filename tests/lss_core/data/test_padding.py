@@ -15,7 +15,7 @@ from lss_core.data.padding import check_padding, padding
 from lss_core.data.samples import SampleIndex, load_index
 from lss_core.data.sensors.images import draw_pixel_map, load_image
 from lss_core.errors import DataError
-from shoot.training.config import PRESETS
+from shoot.training.planning.config import PRESETS
 
 CAMS = CAMERAS[:2]
 

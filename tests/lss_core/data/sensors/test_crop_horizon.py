@@ -16,7 +16,7 @@ from lss_core.config import CAMERAS, DataConfig, ImageConfig
 from lss_core.data.dataset import CameraDataset
 from lss_core.data.samples import load_index
 from lss_core.data.sensors.images import PixelMap, draw_pixel_map
-from shoot.training.config import PRESETS
+from shoot.training.planning.config import PRESETS
 from shoot.world.sensing.rig import make_rig
 
 # Argoverse 2's front camera stands on its side: sizes and focal length as its users name them.

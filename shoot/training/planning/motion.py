@@ -14,7 +14,7 @@ from lss_core.errors import DataError
 from lss_core.files import write_atomically
 from lss_core.npz import UNREADABLE, read_npz
 from shoot.templates import TemplateSet
-from shoot.training.data import LabelledSplit
+from shoot.training.planning.data import LabelledSplit
 from shoot.trajectories import Futures
 
 # A million samples take some 200 MB.

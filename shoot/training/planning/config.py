@@ -1,0 +1,82 @@
+"""What a planner's training can be told, and the named presets."""
+
+from dataclasses import dataclass, field, replace
+
+from typing_extensions import Self
+
+from lss_core.config import DataConfig, DepthBins, ImageConfig, ModelConfig
+from lss_core.grid import BevGrid
+from shoot.planner import PlannerConfig
+from shoot.training.config import OptimConfig, RunConfig
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainConfig(RunConfig):
+    """One training run of a planner.
+
+    Attributes:
+        templates: Template file, made by shoot-fit-templates.
+        planner: How the cost map is read.
+    """
+
+    templates: str
+    planner: PlannerConfig = field(default_factory=PlannerConfig)
+
+    def what_is_computed(self) -> Self:
+        """The same wherever things are; the run has its own copy of the templates."""
+        return replace(super().what_is_computed(), templates="-")
+
+
+_CPU_IMAGE = ImageConfig(
+    height_px=64,
+    width_px=176,
+    resize=(1.0, 1.0),
+    crop_bottom=(0.11, 0.11),
+    rotate_rad=0.0,
+    flip=False,
+)
+_CPU_MODEL = ModelConfig(
+    backbone="plain-16-32-64-128",
+    pretrained="none",
+    context_channels=32,
+    image_stride=8,
+    neck_channels=64,
+    stem_channels=24,
+    decoder_channels=48,
+    depth=DepthBins(min_m=4.0, max_m=46.0, step_m=2.0),
+    grid=BevGrid(x_min_m=-10.0, x_max_m=70.0, y_min_m=-32.0, y_max_m=32.0, cell_m=1.0),
+)
+
+# All samples at each of its 300 validations would be more images than it trains on.
+PAPER = TrainConfig(templates="templates.npz", out="runs/paper", val_samples=600)
+SMALL = TrainConfig(
+    templates="templates.npz",
+    out="runs/small",
+    data=DataConfig(image=_CPU_IMAGE),
+    model=_CPU_MODEL,
+    optim=OptimConfig(
+        steps=5600, batch_size=8, learning_rate=2e-3, warmup_steps=100, schedule="cosine"
+    ),
+    val_every=800,
+    val_samples=400,
+    num_workers=0,  # on two cores a worker takes more time from the convolutions than it saves
+    accelerator="cpu",
+    precision="auto",
+)
+DEMO = replace(
+    SMALL,
+    out="runs/demo",
+    optim=replace(SMALL.optim, steps=450, warmup_steps=45),
+    val_every=150,
+    val_samples=120,
+)
+LIDAR1 = replace(SMALL, out="runs/lidar1", data=replace(SMALL.data, lidar_scans=1))
+LIDAR10 = replace(SMALL, out="runs/lidar10", data=replace(SMALL.data, lidar_scans=10))
+
+PRESETS: dict[str, tuple[str, TrainConfig]] = {
+    "demo": ("Minutes on a laptop's CPU, on the synthetic world.", DEMO),
+    "small": ("The preset of our reported results: 20 minutes on two cores.", SMALL),
+    "lidar1": ("As small, from one lidar scan instead of the cameras.", LIDAR1),
+    "lidar10": ("As small, from ten lidar scans (half a second, ego motion undone).", LIDAR10),
+    "paper": ("The paper's sizes: EfficientNet-B0, 128x352, 200x200 cells, 300k steps.", PAPER),
+}
