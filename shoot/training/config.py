@@ -2,11 +2,10 @@
 
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 import yaml
 from pydantic import ConfigDict, TypeAdapter, ValidationError
-from typing_extensions import Self
 
 from lss_core.bounds import MAX_COUNT, Bounds, Count, Seed, SettingError, check_settings
 from lss_core.config import DataConfig, ModelConfig
@@ -17,6 +16,7 @@ from shoot.training.device import Accelerator
 Precision = Literal["32-true", "bf16-mixed", "16-mixed"]
 _Several = Annotated[int, Bounds(0, MAX_COUNT)]
 _Processes = Annotated[int, Bounds(1, 65_536)]
+ConfigT = TypeVar("ConfigT", bound="RunConfig")
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ class RunConfig:
                 "smaller step_m."
             )
 
-    def what_is_computed(self) -> Self:
+    def what_is_computed(self: ConfigT) -> ConfigT:
         """The same wherever things are and however they run; a run that goes on must share it."""
         return replace(
             self,
@@ -145,7 +145,7 @@ class RunConfig:
             stream.write(yaml.safe_dump(_plain(asdict(self)), sort_keys=False).encode())
 
     @classmethod
-    def load(cls, path: Path) -> Self:
+    def load(cls: type[ConfigT], path: Path) -> ConfigT:
         """Read it from YAML.
 
         Raises:

@@ -6,17 +6,15 @@ import subprocess
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from pytorch_lightning.utilities import rank_zero_only
 
 from lss_core.errors import DataError
 from lss_core.files import clear_leftovers, write_atomically
 from shoot.training.checkpoint_file import read_checkpoint, read_weights
-from shoot.training.config import RunConfig
+from shoot.training.config import ConfigT, RunConfig
 from shoot.training.task import Task
-
-ConfigT = TypeVar("ConfigT", bound=RunConfig)
 
 LAST, BEST = "last.ckpt", "best.ckpt"
 _LIBRARIES = ("torch", "pytorch-lightning", "timm", "numpy", "nuscenes-devkit", "shoot")

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, Protocol, TypeVar
+from typing import Any, Literal, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import torch
 from jaxtyping import Float
@@ -29,6 +29,7 @@ class Best(NamedTuple):
     mode: Literal["max", "min"]
 
 
+@runtime_checkable
 class TaskBatch(Protocol):
     """Sensors, with the targets of a task beside them: the sensors do not know them."""
 
@@ -46,6 +47,7 @@ SplitT = TypeVar("SplitT", bound=SampleSplit)
 BatchT = TypeVar("BatchT", bound=TaskBatch)
 
 
+@runtime_checkable
 class Task(Protocol[SplitT, BatchT]):
     """A task of a run.
 

@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass, field, replace
 
-from typing_extensions import Self
-
 from lss_core.config import DataConfig, DepthBins, ImageConfig, ModelConfig
 from lss_core.grid import BevGrid
 from shoot.planner import PlannerConfig
@@ -22,7 +20,7 @@ class TrainConfig(RunConfig):
     templates: str
     planner: PlannerConfig = field(default_factory=PlannerConfig)
 
-    def what_is_computed(self) -> Self:
+    def what_is_computed(self) -> "TrainConfig":
         """The same wherever things are; the run has its own copy of the templates."""
         return replace(super().what_is_computed(), templates="-")
 
