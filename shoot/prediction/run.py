@@ -15,7 +15,7 @@ from shoot.prediction.fast import FastPlanner
 from shoot.templates import TemplateSet
 from shoot.training.device import choose_device
 from shoot.training.planning.config import TrainConfig
-from shoot.training.planning.data import LabelledSplit, PlanBatch, PlanningDataset, collate_plans
+from shoot.training.planning.data import LabelledSplit, PlanBatch
 from shoot.training.planning.run_folder import PlanningRun
 from shoot.training.planning.task import Planning, PlanningModule
 
@@ -35,6 +35,11 @@ class TrainedRun:
     templates: TemplateSet
     module: PlanningModule
     folder: PlanningRun
+
+    @property
+    def task(self) -> Planning:
+        """What it was trained for."""
+        return self.module.task
 
     @property
     def device(self) -> torch.device:
@@ -76,9 +81,9 @@ def open_run(
     config = replace(config, data=data, model=model)
     template_set = TemplateSet.load(templates) if templates else run.templates()
     state = run.weights(checkpoint)
-    Planning(config, template_set).check_weights(state, f"'{run.folder}'")
     try:
         module = PlanningModule(config, template_set)
+        module.task.check_weights(state, f"'{run.folder}'")
         module.load_state_dict(state["state_dict"])
     except (RuntimeError, ValueError, ArithmeticError, MemoryError) as error:
         raise DataError(
@@ -92,11 +97,11 @@ def batches(
 ) -> Iterator[PlanBatch]:
     """Batches of the samples at the given positions, in order, without augmentation."""
     loader = DataLoader(
-        PlanningDataset(split, run.config.data, run.config.seed),
+        run.task.dataset(split, run.config),
         batch_size=max(8, run.config.optim.batch_size),
         sampler=[(int(position), -1) for position in positions],
         num_workers=run.config.num_workers,
-        collate_fn=collate_plans,
+        collate_fn=run.task.collate,
     )
     for batch in loader:
         yield batch.to(run.device)

@@ -137,6 +137,7 @@ class PlanningModule(TaskModule):
     Paper: sections 3.3 and 5.6.
     """
 
+    task: Planning
     planner: Planner
 
     def __init__(self, config: TrainConfig, templates: TemplateSet) -> None:
