@@ -12,7 +12,8 @@ from shoot.prediction.run import open_run, predict
 from shoot.training.config import DEMO, PAPER, Precision, TrainConfig
 from shoot.training.data import load_split
 from shoot.training.loop import train
-from shoot.world.writer import VERSION, MakeWorldConfig, make_world
+from shoot.world.config import VERSION, MakeWorldConfig
+from shoot.world.writer import make_world
 
 STEPS = 200
 SEEDS = (0, 1, 2)

@@ -31,7 +31,7 @@ from shoot.cli.render import RenderConfig
 from shoot.templates import TemplateSet
 from shoot.training.config import DEMO, PAPER, PRESETS, OptimConfig, TrainConfig
 from shoot.training.loop import check_grid
-from shoot.world.writer import MakeWorldConfig
+from shoot.world.config import MakeWorldConfig
 
 NAN, INF = math.nan, math.inf
 COUNT = (0, -1, 10**12)
