@@ -1,4 +1,4 @@
-"""Which scenes, images and sweeps have a problem, from what is wrong with single records."""
+"""All that is wrong with the samples of a data set, and what may be meant, as the index has it."""
 
 from dataclasses import dataclass
 from pathlib import Path
