@@ -8,6 +8,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torchvision.models.resnet import BasicBlock
 
+from lss_core.config import ModelConfig
 from lss_core.convolutions import suit_cpus
 from lss_core.grid import CellWindow
 
@@ -85,6 +86,22 @@ class BevEncoder(nn.Module):
         fine = _resize(mixed, (rows.fine_size, columns.fine_size))[..., rows.fine, columns.fine]
         output = self.head(self.smooth(fine)[..., rows.output, columns.output])
         return output
+
+
+def make_bev_encoder(config: ModelConfig, out_channels: int) -> BevEncoder:
+    """The network of the map, as wide as a configuration says.
+
+    Args:
+        config: Sizes; the input has `context_channels`.
+        out_channels: Channels of the map.
+    """
+    return BevEncoder(
+        in_channels=config.context_channels,
+        out_channels=out_channels,
+        stem_channels=config.stem_channels,
+        decoder_channels=config.decoder_channels,
+        head_init_std=config.head_init_std,
+    )
 
 
 class _Cut(NamedTuple):

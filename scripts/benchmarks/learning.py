@@ -13,7 +13,8 @@ from shoot.training.config import Precision
 from shoot.training.planning.config import DEMO, PAPER, TrainConfig
 from shoot.training.planning.data import load_split
 from shoot.training.planning.task import train
-from shoot.world.writer import VERSION, MakeWorldConfig, make_world
+from shoot.world.config import VERSION, MakeWorldConfig
+from shoot.world.writer import make_world
 
 STEPS = 200
 SEEDS = (0, 1, 2)

@@ -19,7 +19,8 @@ from lss_core.data.dataset import CameraDataset, ego_from_camera
 from lss_core.data.samples import SampleIndex, load_index
 from lss_core.data.sensors.images import draw_pixel_map
 from lss_core.image_encoder import IMAGENET_MEAN, IMAGENET_STD
-from shoot.world.writer import MakeWorldConfig, make_world
+from shoot.world.config import MakeWorldConfig
+from shoot.world.writer import make_world
 
 CONFIG = DataConfig()
 

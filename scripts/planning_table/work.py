@@ -18,7 +18,8 @@ from lss_core.files import write_atomically
 from planning_table.experiments import HALF, Experiment
 from planning_table.records import record_of, save_record
 from shoot.cli.fit_templates import DataSource, FitTemplatesConfig, fit
-from shoot.world.writer import VERSION, MakeWorldConfig, make_world
+from shoot.world.config import VERSION, MakeWorldConfig
+from shoot.world.writer import make_world
 
 logger = logging.getLogger(__name__)
 

@@ -24,14 +24,14 @@ from shoot.report.terminal import format_table
 from shoot.training.planning.config import DEMO
 from shoot.training.planning.data import LabelledSplit, load_split
 from shoot.training.planning.task import train
-from shoot.world.writer import (
+from shoot.world.config import (
     MAX_TRAIN_SCENES,
     MAX_VAL_SCENES,
     VERSION,
     ImageScale,
     MakeWorldConfig,
-    make_world,
 )
+from shoot.world.writer import make_world
 
 _SHIPPED = Path("templates") / "synthetic-1000"
 SHIPPED_PLANNER = "shipped_planner"

@@ -1,7 +1,8 @@
 """shoot-make-world: write a synthetic city as a nuScenes data set."""
 
 from shoot.cli.app import run
-from shoot.world.writer import VERSION, MakeWorldConfig, make_world
+from shoot.world.config import VERSION, MakeWorldConfig
+from shoot.world.writer import make_world
 
 
 def _make_world(config: MakeWorldConfig) -> None:

@@ -32,7 +32,7 @@ from shoot.templates import TemplateSet
 from shoot.training.config import OptimConfig
 from shoot.training.planning.config import DEMO, PAPER, PRESETS, TrainConfig
 from shoot.training.planning.task import check_grid
-from shoot.world.writer import MakeWorldConfig
+from shoot.world.config import MakeWorldConfig
 
 NAN, INF = math.nan, math.inf
 COUNT = (0, -1, 10**12)

@@ -23,7 +23,8 @@ from shoot.jobs import parallel
 from shoot.jobs.parallel import run_jobs
 from shoot.templates import TemplateSet
 from shoot.trajectories import mine_futures
-from shoot.world.writer import MakeWorldConfig, make_world
+from shoot.world.config import MakeWorldConfig
+from shoot.world.writer import make_world
 
 SLEEPERS = """
 import os, sys, time

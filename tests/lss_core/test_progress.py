@@ -12,7 +12,7 @@ from world_fixture import TinyRun, command, train_flags
 
 from lss_core import progress as module
 from lss_core.progress import progress
-from shoot.training import callbacks as loop_callbacks
+from shoot.training import callbacks
 
 
 def test_a_log_gets_lines_with_what_was_done_before(
@@ -49,7 +49,7 @@ def test_a_terminal_gets_a_bar_and_no_lines(
 def test_a_training_tells_a_log_of_loss_and_validations(
     tiny_run: TinyRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(loop_callbacks, "SAY_EVERY_S", 0.0)
+    monkeypatch.setattr(callbacks, "SAY_EVERY_S", 0.0)
     flags = train_flags(tiny_run.root, tiny_run.templates, tmp_path / "run", 4, 2)
     said = command("shoot-train", *flags)
     assert said.status == 0, said.err

@@ -11,7 +11,8 @@ from lss_core.errors import DataError
 from shoot.studies.turn_leak.intersections import find_questions, scene_origin
 from shoot.templates import TemplateSet
 from shoot.training.planning.data import LabelledSplit, load_split
-from shoot.world.writer import CARD, VERSION, MakeWorldConfig, make_world
+from shoot.world.config import CARD, VERSION, MakeWorldConfig
+from shoot.world.writer import make_world
 
 
 @pytest.fixture(scope="module")

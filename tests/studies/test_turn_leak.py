@@ -17,14 +17,8 @@ from shoot.studies.turn_leak.answers import (
     ways_of_paths,
 )
 from shoot.studies.turn_leak.figure import render_leak
-from shoot.studies.turn_leak.report import (
-    auc,
-    format_leak,
-    left_right_score,
-    report,
-    turn_straight_score,
-    way_score,
-)
+from shoot.studies.turn_leak.report import format_leak, report
+from shoot.studies.turn_leak.scores import auc, left_right_score, turn_straight_score, way_score
 
 Array = npt.NDArray[Any]
 ALL: tuple[Direction, ...] = ("left", "straight", "right")

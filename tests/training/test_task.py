@@ -26,7 +26,7 @@ from lss_core.errors import DataError
 from shoot.training.config import RunConfig
 from shoot.training.loop import fit
 from shoot.training.planning.config import TrainConfig
-from shoot.training.run_folder import RunFolder
+from shoot.training.planning.run_folder import PlanningRun
 from shoot.training.split import SampleSplit
 from shoot.training.task import Best, Task
 
@@ -148,7 +148,7 @@ def test_another_task_trains_and_resumes(tiny_run: TinyRun, tmp_path: Path) -> N
     assert found[-1] < found[0]
     # All keyframes, those without a future of five seconds too.
     assert int((folder / "seen.txt").read_text()) > 20
-    run = RunFolder(folder)
+    run = PlanningRun(folder)
     assert run.read_config(RunConfig).val_every == 4
     stored = run.weights("last")
     assert stored["unit"] == "share"

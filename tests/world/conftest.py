@@ -5,8 +5,9 @@ from pathlib import Path
 import pytest
 from small_city import config, start
 
-from shoot.world import writer
-from shoot.world.writer import VERSION, make_world
+from shoot.world import joining, writer
+from shoot.world.config import VERSION
+from shoot.world.writer import make_world
 
 
 @pytest.fixture(scope="session")
@@ -27,7 +28,7 @@ def mended(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("mended")
     small = config(folder, seed=4, train_scenes=0, duration_s=0.6, sweeps="all")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(writer, "write_mask", broken)
+        patch.setattr(joining, "write_mask", broken)
         with pytest.raises(OSError, match="disk full"):
             make_world(small)
     assert not (folder / VERSION).exists()

@@ -6,7 +6,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from shoot.world.writer import MakeWorldConfig
+from shoot.world.config import MakeWorldConfig
 
 DURATION_S = 1.5
 

@@ -14,7 +14,8 @@ from small_city import DURATION_S, config, start
 from lss_core.data.splits import official_scenes
 from lss_core.errors import DataError
 from shoot.cli import make_world as command
-from shoot.world.writer import VERSION, make_world
+from shoot.world.config import VERSION
+from shoot.world.writer import make_world
 
 
 def digest(root: Path) -> dict[str, str]:

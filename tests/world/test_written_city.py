@@ -13,12 +13,14 @@ from small_city import DURATION_S, config
 
 from lss_core.data.splits import official_scenes
 from shoot.world import writer
+from shoot.world.config import VERSION
 from shoot.world.looks.scenery import ego_pose
 from shoot.world.nuscenes.capture import LIDAR_PERIOD_S, keyframe_steps
 from shoot.world.nuscenes.tiling import TILE_M, seed_of, tile_of
+from shoot.world.orders import town_orders
 from shoot.world.town.roads import make_town
 from shoot.world.traffic.scenario import make_look, make_scenario
-from shoot.world.writer import VERSION, make_world
+from shoot.world.writer import make_world
 
 
 @pytest.fixture(scope="module")
@@ -192,7 +194,7 @@ def test_night_stands_in_the_description_and_in_the_images(tmp_path: Path):
     night, day = looks.index("night"), looks.index("day")
     towns = [
         town
-        for town in writer._town_orders(
+        for town in town_orders(
             config(tmp_path, seed=0, train_scenes=0, val_scenes=60, duration_s=0.5)
         )
         if town.index in (night, day)

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from lss_core.data.annotations.box_tracks import lacks_tracks
 from lss_core.data.annotations.categories import is_road_user
 from lss_core.data.samples import SampleIndex
+from lss_core.data.tables.by_token import ByToken
 from lss_core.data.tables.problems import transform_flaws
 from lss_core.data.tables.reading import (
     ANNOTATION_TABLES,
     Annotation,
-    ByToken,
     Category,
     Instance,
     read_pieces,

@@ -1,7 +1,7 @@
 """What a recording cannot be: refused before tables are made of it.
 
-The same numbers in tables that others wrote are problems of their records (`problems.py`). Here the
-caller is at hand, and what he gives has names he knows.
+The same numbers in tables that others wrote are problems of their records (`tables/problems.py`).
+Here the caller is at hand, and what he gives has names he knows.
 """
 
 import math

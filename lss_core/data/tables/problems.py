@@ -40,8 +40,18 @@ def problem_of(
     reason: str, folder: Path, record_type: type[Record], token: str, flaw: str
 ) -> Problem:
     """The problem of a record, by table and token; what it has belongs to `flaw`."""
-    table = table_path(folder, record_type)
-    return Problem(reason, f"record '{token}' of {folder.name}/{table.name} has {flaw}")
+    return Problem(reason, f"record '{token}' of {place_of(folder, record_type)} has {flaw}")
+
+
+def place_of(folder: Path, record_type: type[Record]) -> str:
+    """Words for where records are: the version's folder and the table."""
+    return f"{folder.name}/{table_path(folder, record_type).name}"
+
+
+def time_problem(folder: Path, record: Record, time_us: float) -> Problem:
+    """The problem of a record whose time, in microseconds, cannot be."""
+    flaw = f"timestamp {time_us:g} microseconds"
+    return problem_of("impossible time stamp", folder, type(record), record.token, flaw)
 
 
 def transform_flaws(

@@ -6,7 +6,7 @@ that no record names are passed over by the parser.
 
 import json
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -129,40 +129,11 @@ ANNOTATION_TABLES: dict[type[Record], str] = {
 }
 
 RecordT = TypeVar("RecordT", bound=Record)
-Value = TypeVar("Value")
 
 
 def table_path(folder: Path, record_type: type[Record]) -> Path:
     """Where a version's folder has the table of a type of record."""
     return folder / f"{(TABLES | ANNOTATION_TABLES)[record_type]}.json"
-
-
-class ByToken(dict[str, Value]):
-    """Values by the token of the record they come from; a token without record is an error.
-
-    Args:
-        folder: Holds the tables.
-        record_type: Whose tokens these are.
-        asked_by: Whose records name the tokens that are looked up.
-        pairs: Of token and value; of several with one token the last counts.
-    """
-
-    def __init__(
-        self,
-        folder: Path,
-        record_type: type[Record],
-        asked_by: type[Record],
-        pairs: Iterable[tuple[str, Value]],
-    ) -> None:
-        super().__init__(pairs)
-        self._table = table_path(folder, record_type)
-        self._asking = table_path(folder, asked_by).name
-
-    def __missing__(self, token: str) -> Value:
-        raise DataError(
-            f"The table '{self._table}' has no record '{token}', which {self._asking} names; "
-            "unpack both anew."
-        )
 
 
 def read_table(folder: Path, record_type: type[RecordT]) -> list[RecordT]:

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from lss_core.data.tables.by_token import ByToken
 from lss_core.data.tables.problems import Problem, intrinsics_flaw, problem_of, transform_flaws
-from lss_core.data.tables.reading import ByToken, CalibratedSensor, EgoPose, SampleData, read_pieces
+from lss_core.data.tables.reading import CalibratedSensor, EgoPose, SampleData, read_pieces
 from lss_core.geometry import FloatArray, rigid_from_quaternion
 
 

@@ -6,10 +6,12 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from shoot.world.looks import models
+from shoot.world.looks.lamps import HEAD_LAMP, HIGH_BRAKE_LAMP, TAIL_LAMP
 from shoot.world.looks.light import Light, lit
 from shoot.world.looks.meshes import LAMP, NO_TAG, SHADOW, Float32Array, Int32Array, Mesh
+from shoot.world.looks.pedestrians import pedestrian
 from shoot.world.looks.scenery import NO_OBJECT, Lamps, Solid, embree_scene, no_lamps, no_solid
+from shoot.world.looks.vehicles import car, truck
 from shoot.world.town.town import FloatArray
 from shoot.world.traffic.recording import Recording
 
@@ -197,11 +199,11 @@ def _model(
 ) -> tuple[Mesh, Float32Array]:
     """A model and its normals."""
     if kind == "pedestrian":
-        shape = models.pedestrian(length, width, height, style, stride)
+        shape = pedestrian(length, width, height, style, stride)
     elif kind == "truck":
-        shape = models.truck(length, width, height, style)
+        shape = truck(length, width, height, style)
     else:
-        shape = models.car(length, width, height, style)
+        shape = car(length, width, height, style)
     return shape, shape.normals()
 
 
@@ -219,12 +221,12 @@ def _lit_lamps(
     is_lamp: NDArray[np.bool_], tag: Int32Array, brakes: NDArray[np.bool_], light: Light
 ) -> list[tuple[NDArray[np.bool_], Float32Array]]:
     """Which faces are lit lamps, and their colours."""
-    tail = is_lamp & (tag == models.TAIL_LAMP)
-    high = is_lamp & (tag == models.HIGH_BRAKE_LAMP)
+    tail = is_lamp & (tag == TAIL_LAMP)
+    high = is_lamp & (tag == HIGH_BRAKE_LAMP)
     groups = [((tail | high) & brakes, BRAKE_RGB * np.float32(light.lamp_gain))]
     if light.are_lamps_lit:
         groups.append((tail & ~brakes, _TAIL_RGB))
-        groups.append((is_lamp & (tag == models.HEAD_LAMP), _HEAD_RGB))
+        groups.append((is_lamp & (tag == HEAD_LAMP), _HEAD_RGB))
     return groups
 
 

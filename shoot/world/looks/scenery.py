@@ -9,7 +9,9 @@ from embreex.rtcore import EmbreeDevice
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
-from shoot.world.looks import meshes, models
+from shoot.world.looks import meshes, street_furniture, vehicles
+from shoot.world.looks.houses import building
+from shoot.world.looks.lamps import SIGNAL_LAMP_RADIUS_M, SIGNAL_LAMPS, STREET_LAMP
 from shoot.world.looks.light import Light, lit
 from shoot.world.looks.meshes import LAMP, Float32Array, Int32Array, Mesh
 from shoot.world.town.town import FloatArray, Town
@@ -109,8 +111,8 @@ class Scenery:
         self._light = light
         self.solid = _standing_solid(town, light)
         mesh = self.solid.mesh
-        self._faces = np.flatnonzero((mesh.tag >= models.SIGNAL_LAMPS) & (mesh.material == LAMP))
-        number = mesh.tag[self._faces] - models.SIGNAL_LAMPS
+        self._faces = np.flatnonzero((mesh.tag >= SIGNAL_LAMPS) & (mesh.material == LAMP))
+        number = mesh.tag[self._faces] - SIGNAL_LAMPS
         self._signal, self._colour = number // 3, number % 3
         self._bright = SIGNAL_RGB[self._colour] * np.float32(light.lamp_gain)
         self._unlit = 0.03 * SIGNAL_RGB[self._colour] + mesh.rgb[self._faces]
@@ -122,7 +124,9 @@ class Scenery:
         self._head_signal = np.array([index for index, _, _ in heads], np.int64)
         facing = np.array([angle for _, _, angle in heads], float)
         self._head_facing = np.stack([np.cos(facing), np.sin(facing), np.zeros(len(heads))], axis=1)
-        lamps = [[models.signal_lamp_centre_m(h, a, c) for c in range(3)] for _, h, a in heads]
+        lamps = [
+            [street_furniture.signal_lamp_centre_m(h, a, c) for c in range(3)] for _, h, a in heads
+        ]
         self._lamps_m = np.array(lamps, float).reshape(-1, 3, 3) + 0.05 * self._head_facing[:, None]
         posts = [thing for thing in town.props if thing.kind == "lamp_post"]
         tops = [np.array([*post.xy_m, post.height_m + 0.08]) for post in posts]
@@ -141,7 +145,7 @@ class Scenery:
         count = len(colour)
         signals = Lamps(
             self._lamps_m[np.arange(count), colour], self._head_facing,
-            SIGNAL_RGB[colour], np.full(count, models.SIGNAL_LAMP_RADIUS_M),
+            SIGNAL_RGB[colour], np.full(count, SIGNAL_LAMP_RADIUS_M),
         )  # fmt: skip
         if self._light.street_lamps <= 0.02:
             return signals
@@ -158,7 +162,7 @@ def _standing_solid(town: Town, light: Light) -> Solid:
     mesh = unlit.mesh
     lit_rgb, albedo = lit(mesh.rgb, unlit.normals, light).T.copy(), unlit.albedo_rgb.copy()
     if light.street_lamps > 0.02:
-        burning = (mesh.material == LAMP) & (mesh.tag == models.STREET_LAMP)
+        burning = (mesh.material == LAMP) & (mesh.tag == STREET_LAMP)
         lit_rgb[:, burning], albedo[:, burning] = _STREET_RGB[:, None], 0.0
     return replace(unlit, lit_rgb=lit_rgb, albedo_rgb=albedo)
 
@@ -167,13 +171,13 @@ def _standing_solid(town: Town, light: Light) -> Solid:
 def _unlit_solid(town: Town) -> Solid:
     """What stands, in the dark: the same for all scenes of a town, so not to be written to."""
     rng = np.random.default_rng([town.seed, 3])
-    parts = [models.building(house, index) for index, house in enumerate(town.buildings)]
-    parts += [models.prop(thing, rng) for thing in town.props]
-    parts += [models.signal(lights, index) for index, lights in enumerate(town.signals)]
+    parts = [building(house, index) for index, house in enumerate(town.buildings)]
+    parts += [street_furniture.prop(thing, rng) for thing in town.props]
+    parts += [street_furniture.signal(lights, index) for index, lights in enumerate(town.signals)]
     owners = [NO_OBJECT] * len(parts)
     for index, parked in enumerate(town.parked_cars):
         length, width, height = (round(float(side), 3) for side in parked.size_m)
-        shape = models.car(length, width, height, parked.style)
+        shape = vehicles.car(length, width, height, parked.style)
         parts.append(shape.placed(parked.xy_m[0], parked.xy_m[1], parked.yaw_rad))
         owners.append(index)
     mesh = meshes.join(parts)

@@ -1,1 +1,1 @@
-"""What they see as nuScenes has it: tables, maps, files."""
+"""What the sensors see, as nuScenes has it: tables, maps, files."""

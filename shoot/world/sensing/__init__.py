@@ -1,1 +1,1 @@
-"""Cameras and lidar that look at it by casting rays."""
+"""Cameras and lidar that look at the city by casting rays."""

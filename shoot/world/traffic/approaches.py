@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from shoot.world.town.curves import arc_lengths, cut
 from shoot.world.town.town import FloatArray, Town
+from shoot.world.traffic.cars import Car
 from shoot.world.traffic.driver import follow_lanes
 from shoot.world.traffic.junctions import SignalPlan
 from shoot.world.traffic.scenario import BURN_IN_S, BURN_IN_STEPS, simulate
-from shoot.world.traffic.traffic import STEP_S, Car, Traffic
+from shoot.world.traffic.traffic import STEP_S, Traffic
 from shoot.world.traffic.walkers import Pavements, Walker
 
 NEAR_M = 80.0

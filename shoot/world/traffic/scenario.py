@@ -4,9 +4,10 @@ import numpy as np
 
 from lss_core.geometry import direction_of
 from shoot.world.town.town import FloatArray, Town
+from shoot.world.traffic.cars import Car, place_cars
 from shoot.world.traffic.junctions import SignalPlan, plan_signals
 from shoot.world.traffic.recording import AGENT_SIGHT_M, Agent, Look, Recording
-from shoot.world.traffic.traffic import STEP_S, Car, Traffic, place_cars
+from shoot.world.traffic.traffic import STEP_S, Traffic
 from shoot.world.traffic.walkers import Pavements, Walker, send_walkers
 
 DT_S = 0.05

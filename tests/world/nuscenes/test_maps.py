@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from shoot.world.nuscenes.maps import arcline_path, write_mask
+from shoot.world.nuscenes.map_lanes import arcline_path
+from shoot.world.nuscenes.map_masks import write_mask
 from shoot.world.nuscenes.tiling import TILE_M
 
 

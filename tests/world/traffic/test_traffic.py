@@ -5,6 +5,7 @@ from world_fixture import result_beside
 from shoot.world.town.curves import arc_lengths
 from shoot.world.town.roads import make_town
 from shoot.world.town.town import Town
+from shoot.world.traffic.cars import Car
 from shoot.world.traffic.driver import (
     BRAKE_MPS2,
     ROUTE_STEP_M,
@@ -16,7 +17,7 @@ from shoot.world.traffic.driver import (
 from shoot.world.traffic.junctions import PathRules, SignalPlan, path_rules
 from shoot.world.traffic.recording import AMBER, GREEN, RED
 from shoot.world.traffic.scenario import simulate
-from shoot.world.traffic.traffic import STEP_S, Car, Traffic
+from shoot.world.traffic.traffic import STEP_S, Traffic
 from shoot.world.traffic.walkers import Pavements
 
 

@@ -8,7 +8,7 @@ import shapely
 
 from lss_core.data.annotations.drivable import DrivableArea, load_drivable_area, map_path
 from lss_core.errors import DataError
-from shoot.world.nuscenes.maps import merge_layers, town_layers
+from shoot.world.nuscenes.map_layers import merge_layers, town_layers
 from shoot.world.nuscenes.tiling import LOCATIONS, TILE_M
 from shoot.world.town.roads import make_town
 

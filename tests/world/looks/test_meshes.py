@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
-from shoot.world.looks import models
 from shoot.world.looks.meshes import ball, box, join, tube
+from shoot.world.looks.pedestrians import pedestrian
+from shoot.world.looks.vehicles import car, truck
 
 
 @pytest.mark.parametrize(
@@ -26,12 +27,10 @@ def test_solids_are_closed_and_face_outward(mesh):
 
 def test_models_stay_in_their_boxes():
     size = (4.6, 1.9, 1.6)
-    shapes = [models.car(*size, style) for style in range(0, 36, 5)]
-    shapes += [models.truck(*size, style) for style in range(3)]
+    shapes = [car(*size, style) for style in range(0, 36, 5)]
+    shapes += [truck(*size, style) for style in range(3)]
     shapes += [
-        models.pedestrian(0.6, 0.7, 1.8, style, stride)
-        for style in range(5)
-        for stride in (-1, 0, 1)
+        pedestrian(0.6, 0.7, 1.8, style, stride) for style in range(5) for stride in (-1, 0, 1)
     ]
     for shape in shapes:
         allowed = (0.3, 0.35, 1.8) if len(shape.faces) < 100 else (2.3, 0.95, 1.6)
