@@ -17,8 +17,9 @@ from world_fixture import TinyRun, command, train_flags
 from shoot.training.bad_steps import SkipBadSteps
 from shoot.training.data import TaskData
 from shoot.training.metrics_file import read_metrics
+from shoot.training.module import TaskModule
 from shoot.training.planning.run_folder import PlanningRun
-from shoot.training.planning.task import Planning, PlanningModule
+from shoot.training.planning.task import Planning
 
 PRECISIONS = ("32-true", "bf16-mixed", "16-mixed")
 
@@ -79,15 +80,15 @@ def test_what_was_trained_on_a_gpu_is_evaluated(runs: dict[str, Path], tmp_path:
 @contextmanager
 def ending_at(step: int) -> Iterator[None]:
     """Training steps that stop working at one."""
-    real = PlanningModule.training_step
+    real = TaskModule.training_step
 
-    def training_step(self: PlanningModule, batch: Any, batch_idx: int) -> Tensor:
+    def training_step(self: TaskModule, batch: Any, batch_idx: int) -> Tensor:
         if self.trainer.global_step == step:
             raise ArithmeticError("the power fails")
         return real(self, batch, batch_idx)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(PlanningModule, "training_step", training_step)
+        patch.setattr(TaskModule, "training_step", training_step)
         yield
 
 

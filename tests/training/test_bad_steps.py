@@ -12,7 +12,7 @@ from torch import Tensor
 from world_fixture import TinyRun, command, train_flags
 
 from shoot.training.metrics_file import read_metrics
-from shoot.training.planning.task import PlanningModule
+from shoot.training.module import TaskModule
 
 pytestmark = pytest.mark.trains
 
@@ -23,23 +23,23 @@ STEPS, EVERY = 6, 3
 def broken(bad_steps: set[int], value: float = float("nan")) -> Iterator[list[dict[str, Tensor]]]:
     """Make the images of some steps useless; yields the weights before each step."""
     before: list[dict[str, Tensor]] = []
-    real = PlanningModule.training_step
+    real = TaskModule.training_step
 
-    def training_step(self: PlanningModule, batch: Any, batch_idx: int) -> Tensor:
+    def training_step(self: TaskModule, batch: Any, batch_idx: int) -> Tensor:
         step = self.trainer.global_step
         before.append({name: t.detach().clone() for name, t in self.state_dict().items()})
         loss = real(self, batch, batch_idx)
         return loss * value if step in bad_steps else loss
 
-    def on_after_backward(self: PlanningModule) -> None:
+    def on_after_backward(self: TaskModule) -> None:
         if self.trainer.global_step in bad_steps:
             for name, buffer in self.named_buffers():
                 if "running" in name:
                     buffer.fill_(value)  # as a forward pass of such images leaves them
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(PlanningModule, "on_after_backward", on_after_backward)
-        patch.setattr(PlanningModule, "training_step", training_step)
+        patch.setattr(TaskModule, "on_after_backward", on_after_backward)
+        patch.setattr(TaskModule, "training_step", training_step)
         yield before
 
 

@@ -39,16 +39,16 @@ def test_what_was_ended_goes_on_as_if_undisturbed(
     folder = tmp_path / "run"
     flags = train_flags(tiny_run.root, tiny_run.templates, folder, STEPS, EVERY)
     with pytest.MonkeyPatch.context() as patch:
-        from shoot.training.loop import PlanningModule
+        from shoot.training.module import TaskModule
 
-        real = PlanningModule.training_step
+        real = TaskModule.training_step
 
         def training_step(self, batch, batch_idx):  # type: ignore[no-untyped-def]
             if self.trainer.global_step == stop_at:
                 os.kill(os.getpid(), number)
             return real(self, batch, batch_idx)
 
-        patch.setattr(PlanningModule, "training_step", training_step)
+        patch.setattr(TaskModule, "training_step", training_step)
         said = command("shoot-train", *flags)
     assert said.status == status, said.err
     assert checkpoint(folder)["global_step"] == stop_at + 1
