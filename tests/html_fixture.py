@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from shoot.evaluation.report import Report, Results
+from shoot.evaluation.results import Report, Results
 from shoot.metrics.bootstrap import Interval
 from shoot.metrics.calibration import Reliability
 from shoot.report.html import PageDetails, SampleCard, render_page

@@ -19,7 +19,8 @@ from html_fixture import (
     read_page,
 )
 
-from shoot.evaluation.report import Report, evaluate
+from shoot.evaluation.report import evaluate
+from shoot.evaluation.results import Report
 from shoot.metrics.bootstrap import Interval
 from shoot.report.html import PageDetails, render_page, write_page
 from shoot.report.html.columns import GROUPS, MAIN, NLL, TOP_10, Column

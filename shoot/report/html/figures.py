@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from shoot.evaluation.report import MODEL, Results
+from shoot.evaluation.results import MODEL, Results
 from shoot.metrics.bootstrap import Interval
 from shoot.report.html.columns import NLL, TOP_10
 from shoot.report.html.markup import Html, element, join

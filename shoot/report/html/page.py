@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from lss_core.files import write_atomically
-from shoot.evaluation.report import MODEL, Report, Results
+from shoot.evaluation.results import MODEL, Report, Results
 from shoot.metrics.bootstrap import Interval
 from shoot.report.html.cards import SampleCard, card_sections
 from shoot.report.html.columns import (

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 
-from shoot.evaluation.report import MODEL, Results
+from shoot.evaluation.results import MODEL, Results
 from shoot.metrics.bootstrap import Interval
 from shoot.report.html.columns import NLL, TOP_10, Column
 from shoot.report.html.markup import Html, element, join

@@ -2,7 +2,7 @@
 
 import math
 
-from shoot.evaluation.report import MODEL
+from shoot.evaluation.results import MODEL
 from shoot.metrics.bootstrap import Interval
 from shoot.report.html.columns import Column
 
