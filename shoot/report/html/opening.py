@@ -13,10 +13,12 @@ from shoot.report.html.verdict import relations, verdict_sentence
 def opening(report: Report, cards: Mapping[str, Sequence[SampleCard]]) -> Html:
     """Verdict, pictures if there are any, and one short table."""
     overall = report.overall
-    by_nll = relations(overall.differences, NLL) if overall.num_groups > 1 else ""
+    has_intervals = overall.num_groups > 1
+    by_nll = relations(overall.differences, NLL) if has_intervals else ""
+    means = "Means with 95 % intervals" if has_intervals else "Means"
     return join(
         element("h2", verdict_sentence(report), class_="answer"),
         first_cards(cards),
-        summary_table(f"Means with 95 % intervals; {MODEL} is the planner", overall),
+        summary_table(f"{means}; {MODEL} is the planner", overall),
         note(f"In NLL the planner is {by_nll}.") if by_nll else "",
     )
