@@ -2,14 +2,14 @@
 
 import io
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from html.parser import HTMLParser
 from typing import Any
 
 import numpy as np
 from PIL import Image
 
-from shoot.evaluation.report import Report, Results
+from shoot.evaluation.results import Report, Results
 from shoot.metrics.bootstrap import Interval
 from shoot.metrics.calibration import Reliability
 from shoot.report.html import PageDetails, SampleCard, render_page
@@ -104,6 +104,32 @@ def make_card(**changed: Any) -> SampleCard:
         "description": "Night, big street",
     }
     return SampleCard(**values | changed)
+
+
+CARDS = {"best": [make_card()], "worst": [make_card(token="0b-other", nll=9.0, rank=39)]}
+DETAILS = PageDetails("runs/small", "synthetic city", "2024-05-06 07:08", "best", 40)
+
+
+def page_of(report: Report, **changed: Any) -> "Node":
+    """The page of a report with a best and a worst sample."""
+    return read_page(render_page(report, CARDS, replace(DETAILS, **changed)))
+
+
+def section_of(page: "Node", anchor: str) -> "Node":
+    """The section that the contents lead to by this name."""
+    (section,) = (node for node in page.all("section") if node.attributes.get("id") == anchor)
+    return section
+
+
+def rows_of(page: "Node", name: str, corner: str | None = None) -> list["Node"]:
+    """Rows whose first cell says this, in tables whose corner says that, if it matters."""
+    return [
+        row
+        for table in page.all("table")
+        if corner in (None, table.all("th")[0].text)
+        for row in table.all("tr")
+        if row.all("th") and row.all("th")[0].text == name
+    ]
 
 
 def hostile_page(word: str) -> str:

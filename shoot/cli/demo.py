@@ -14,7 +14,8 @@ from lss_core.bounds import Bounds, Count, Seed, Workers, check_settings
 from shoot.cli.app import run
 from shoot.cli.fit_templates import DataSource, FitTemplatesConfig, NumTemplates, fit
 from shoot.evaluation.comparison import compare, score, sum_up
-from shoot.evaluation.report import Report, condition_of
+from shoot.evaluation.report import condition_of
+from shoot.evaluation.results import Report
 from shoot.metrics.manoeuvres import classify_manoeuvres
 from shoot.metrics.ranks import negative_log_likelihood
 from shoot.prediction.run import TrainedRun, open_run, predict

@@ -13,7 +13,7 @@ from lss_core.files import check_writable
 from shoot.cli.app import run
 from shoot.cli.render import OtherData
 from shoot.evaluation.comparison import score, sum_up
-from shoot.evaluation.report import MODEL, Report
+from shoot.evaluation.results import MODEL, Report
 from shoot.prediction.run import TrainedRun, open_run
 from shoot.report.html import PageDetails, write_page
 from shoot.report.sample_cards import make_cards

@@ -26,7 +26,8 @@ from shoot.baselines import (
 )
 from shoot.evaluation.driving_checks import DrivingChecks
 from shoot.evaluation.known_speed import tell_speed
-from shoot.evaluation.report import MODEL, Report, condition_of, evaluate
+from shoot.evaluation.report import condition_of, evaluate
+from shoot.evaluation.results import KNOWING_SPEED, MODEL, Report
 from shoot.metrics.ranks import negative_log_likelihood, rank_labels
 from shoot.planner import Planner
 from shoot.prediction.run import TrainedRun, predict
@@ -39,8 +40,6 @@ from shoot.trajectories import Futures
 Array = np.ndarray[Any, np.dtype[Any]]
 
 logger = logging.getLogger(__name__)
-
-KNOWING_SPEED = "model_knowing_speed"
 
 
 @dataclass(frozen=True)

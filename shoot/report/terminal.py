@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from shoot.evaluation.report import MODEL, Report, Results
+from shoot.evaluation.results import MODEL, Report, Results
 from shoot.metrics.bootstrap import Interval, name_groups
 
 # More columns than these do not fit beside each other.

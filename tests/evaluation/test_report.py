@@ -1,26 +1,29 @@
-import json
+"""From log-probabilities to a report: each number is what it says it is."""
 
 import numpy as np
 import pytest
-from scipy.special import log_softmax
+from report_case import CHECKS, COMFORT, METRICS, check_against_wall, evaluate_scene, make_case
 
 from shoot.evaluation.report import condition_of, evaluate
 from shoot.metrics.bootstrap import interval, paired_interval
 from shoot.metrics.calibration import measure_reliability
 from shoot.metrics.comfort import measure_comfort
 from shoot.metrics.ranks import TOP_KS, negative_log_likelihood, rank_labels
-from shoot.report.html import PageDetails, render_page
-from shoot.report.terminal import format_table
 
-COMFORT = ["lon_accel_mps2", "lat_accel_mps2", "jerk_mps3", "comfort"]
-CHECKS = [f"{what}_{s}s" for what in ("collision", "off_road") for s in (1, 2, 3, 5)]
-METRICS = (
-    [f"top{k}" for k in TOP_KS]
-    + ["nll", "brier", "expected_ade"]
-    + [f"{name}_{k}" for name in ("min_ade", "min_fde", "miss_rate") for k in TOP_KS]
-    + [f"l2_{how}_{s}s" for how in ("at", "upto") for s in (1, 2, 3)]
-    + COMFORT
-)
+
+@pytest.fixture(scope="module")
+def case():
+    return make_case()
+
+
+@pytest.fixture(scope="module")
+def report(case):
+    return evaluate(**case)
+
+
+@pytest.fixture(scope="module")
+def checked(case):
+    return evaluate(**case, path_checks=check_against_wall)
 
 
 @pytest.mark.parametrize(
@@ -39,54 +42,6 @@ METRICS = (
 )
 def test_condition_of(description, condition):
     assert condition_of(description) == condition
-
-
-@pytest.fixture(scope="module")
-def case():
-    """240 samples of 12 scenes: standing and straight, day and rain."""
-    generator = np.random.default_rng(0)
-    time_s = 0.25 * np.arange(1, 21)
-    speeds = np.linspace(0.0, 12.0, 30)
-    line = np.stack([time_s, 0.0 * time_s], axis=-1)
-    templates = (speeds[:, None, None] * line).astype(np.float32)
-    labels = np.where(generator.random(240) < 0.3, 0, generator.integers(1, 30, 240))
-    futures = templates[labels] + generator.normal(0.0, 0.02, (240, 20, 2)).astype(np.float32)
-    logits = generator.normal(size=(240, 30))
-    logits[np.arange(240), labels] += 2.0
-    scene_idx = np.repeat(np.arange(12), 20) + 50
-    return {
-        "log_probs": {
-            "model": log_softmax(logits, axis=1).astype(np.float32),
-            "prior": log_softmax(generator.normal(size=30)),
-        },
-        "labels": labels,
-        "futures": futures,
-        "templates": templates,
-        "scene_idx": scene_idx,
-        "conditions": ["day" if scene < 58 else "rain" for scene in scene_idx],
-        "split": "val",
-        "speed_mps": speeds[labels] + generator.uniform(0.0, 0.5, 240),
-    }
-
-
-@pytest.fixture(scope="module")
-def report(case):
-    return evaluate(**case)
-
-
-def _path_checks(paths):
-    """A wall across the road at x = 20 m; the first 20 samples are not checked."""
-    found = {}
-    for seconds in (1, 2, 3, 5):
-        hit = 100.0 * (paths[:, : 4 * seconds, 0].max(axis=1) > 20.0)
-        hit[:20] = np.nan
-        found |= {f"collision_{seconds}s": hit, f"off_road_{seconds}s": 0.0 * hit}
-    return found
-
-
-@pytest.fixture(scope="module")
-def checked(case):
-    return evaluate(**case, path_checks=_path_checks)
 
 
 def test_by_hand():
@@ -158,12 +113,14 @@ def test_the_chosen_template_is_the_one_that_is_judged(case, checked):
     for name, log_prob in case["log_probs"].items():
         chosen = templates[np.broadcast_to(log_prob.argmax(axis=-1), 240)]
         found = checked.overall.methods[name]
-        for key, values in (measure_comfort(chosen) | _path_checks(chosen)).items():
+        for key, values in (measure_comfort(chosen) | check_against_wall(chosen)).items():
             assert found[key].value == pytest.approx(np.nanmean(values)), key
         l2_m = np.linalg.norm(chosen - futures, axis=-1)
         assert found["l2_at_3s"].value == pytest.approx(l2_m[:, 11].mean())
         assert found["l2_upto_3s"].value == pytest.approx(l2_m[:, 1:12:2].mean())
-    collision = _path_checks(templates[case["log_probs"]["model"].argmax(axis=1)])["collision_3s"]
+    collision = check_against_wall(templates[case["log_probs"]["model"].argmax(axis=1)])[
+        "collision_3s"
+    ]
     expected = interval(collision[20:], scene[20:]).value
     assert 0.0 < expected < 100.0
     assert checked.overall.methods["model"]["collision_3s"].value == pytest.approx(expected)
@@ -171,20 +128,11 @@ def test_the_chosen_template_is_the_one_that_is_judged(case, checked):
 
 def test_the_driver_is_judged_too(case, checked):
     assert set(checked.overall.driver) == {*CHECKS, *COMFORT}
-    expected = _path_checks(case["futures"]) | measure_comfort(case["futures"])
+    expected = check_against_wall(case["futures"]) | measure_comfort(case["futures"])
     for key, values in expected.items():
         assert checked.overall.driver[key].value == pytest.approx(np.nanmean(values)), key
     # None of the first scene's samples is checked.
     assert np.isnan(evaluate_scene(case, 50).overall.driver["collision_5s"].value)
-
-
-def evaluate_scene(case, scene):
-    keep = case["scene_idx"] == scene
-    log_probs = {"model": case["log_probs"]["model"][keep]}
-    arrays = {
-        name: case[name][keep] for name in ("labels", "futures", "scene_idx", "speed_mps")
-    } | {"conditions": ["day"] * int(keep.sum())}
-    return evaluate(**case | arrays | {"log_probs": log_probs}, path_checks=_path_checks)
 
 
 def test_without_checks_nothing_is_said_of_them(report):
@@ -224,168 +172,10 @@ def test_speeds_include_the_lower_end_and_empty_parts_are_left_out(case):
     }
 
 
-def test_report_json_has_the_agreed_form(report, tmp_path):
-    path = tmp_path / "new" / "report.json"
-    report.save(path)
-    loaded = json.loads(path.read_text())
-    assert loaded == report.to_json()
-    assert (loaded["split"], loaded["num_samples"], loaded["num_scenes"]) == ("val", 240, 12)
-    assert set(loaded["methods"]) == {"model", "prior"}
-    assert set(loaded["differences"]) == {"prior"}
-    for metrics in (*loaded["methods"].values(), *loaded["differences"].values()):
-        assert set(metrics) == {*METRICS, "ece"}
-        for name, metric in metrics.items():
-            assert set(metric) == {"value", "low", "high"}
-            assert metric["low"] <= metric["high"]
-            # Noise makes ECE larger, so that the value may lie below its draws.
-            assert name == "ece" or metric["low"] <= metric["value"] <= metric["high"]
-    assert loaded["driver"] == {}
-    assert set(loaded["reliability"]) == {"model", "prior"}
-    assert {key: len(bins) for key, bins in loaded["reliability"]["model"].items()} == {
-        "confidence": 10,
-        "accuracy": 10,
-        "count": 10,
-    }
-    assert loaded["by_speed"]["0-1 m/s"]["methods"]["prior"]["brier"]["value"] > 0.0
-    assert set(loaded["oracle"]) == {"ade", "fde", "miss_rate"}
-    assert loaded["by_condition"]["rain"]["methods"]["model"]["top10"]["value"] > 0.0
-    assert set(loaded["by_manoeuvre"]["standing"]) == {
-        "num_samples",
-        "num_scenes",
-        "num_groups",
-        "methods",
-        "differences",
-        "oracle",
-        "driver",
-        "reliability",
-    }
-    assert [entry.name for entry in path.parent.iterdir()] == ["report.json"]
-
-
-class TestLogs:
-    """12 scenes of 4 logs, the last of which has only one of them."""
-
-    logs = np.repeat(["a", "a", "a", "a", "a", "b", "b", "b", "c", "c", "c", "d"], 20)
-
-    @pytest.fixture(scope="class")
-    def by_log(self, case):
-        return evaluate(**case, logs=self.logs)
-
-    def test_are_drawn_whole_and_means_stay(self, case, report, by_log):
-        labels = case["labels"]
-        hits = 100.0 * rank_labels(case["log_probs"]["model"], labels).hits(10)
-        prior = np.tile(case["log_probs"]["prior"], (240, 1))
-        prior_hits = 100.0 * rank_labels(prior, labels).hits(10)
-        found = by_log.overall
-        assert found.methods["model"]["top10"] == interval(hits, self.logs)
-        assert found.methods["model"]["top10"] != report.overall.methods["model"]["top10"]
-        assert found.differences["prior"]["top10"] == paired_interval(hits, prior_hits, self.logs)
-        for name, metric in report.overall.methods["model"].items():
-            assert found.methods["model"][name].value == pytest.approx(metric.value)
-
-    def test_are_counted_and_named(self, report, by_log):
-        loaded = by_log.to_json()
-        assert (loaded["resampled"], loaded["num_scenes"], loaded["num_groups"]) == ("logs", 12, 4)
-        assert loaded["by_condition"]["rain"]["num_groups"] == 2
-        loaded = report.to_json()
-        assert (loaded["resampled"], loaded["num_groups"]) == ("scenes", 12)
-
-    def test_are_named_in_the_table_and_on_the_page(self, report, by_log):
-        titles = [" ".join(format_table(found).split()) for found in (by_log, report)]
-        assert "240 samples of 12 scenes (95 % intervals over 4 logs)" in titles[0]
-        assert "240 samples of 12 scenes (95 % intervals over scenes)" in titles[1]
-        details = PageDetails("run", "last", "data", "now", 30)
-        pages = [render_page(found, {}, details) for found in (by_log, report)]
-        assert "240 of 12 scenes of 4 logs" in pages[0]
-        assert "95 % intervals over 4 logs: whole logs are drawn again" in pages[0]
-        assert "logs" not in pages[1]
-        assert "95 % intervals over scenes: whole scenes are drawn again" in pages[1]
-
-    def test_one_alone_has_no_interval_though_it_has_scenes(self, case):
-        found = evaluate(**case, logs=np.full(240, "a"))
-        assert np.isnan(found.overall.methods["model"]["top10"].low)
-        page = render_page(found, {}, PageDetails("run", "last", "data", "now", 30))
-        assert "one log only" in page
-
-
-def test_one_scene_is_valid_json_without_bounds(case, tmp_path):
-    one = evaluate(**case | {"scene_idx": np.zeros(240, dtype=int)})
-    one.save(tmp_path / "report.json")
-    top10 = json.loads((tmp_path / "report.json").read_text())["methods"]["model"]["top10"]
-    assert top10["value"] > 0.0
-    assert top10["low"] is None
-    assert top10["high"] is None
-    assert "[" not in format_table(one)
-
-
 def test_without_a_model_there_are_no_differences(case):
     report = evaluate(**case | {"log_probs": {"prior": case["log_probs"]["prior"]}})
     assert report.overall.differences == {}
     assert set(report.overall.methods) == {"prior"}
-
-
-def test_table_shows_methods_differences_and_parts_in_80_columns(report):
-    text = format_table(report)
-    lines = text.splitlines()
-    assert max(map(len, lines)) <= 80
-    top10 = report.overall.methods["model"]["top10"]
-    assert any(line.split()[:1] == ["model"] and f"{top10.value:.1f}" in line for line in lines)
-    assert f"[{top10.low:.1f}, {top10.high:.1f}]" in text
-    difference = report.overall.differences["prior"]["nll"]
-    assert f"[{difference.low:+.2f}, {difference.high:+.2f}]" in text
-    first = {line.split()[0] for line in lines if line}
-    assert {"standing", "straight", "day", "rain", "0-1", "over"} <= first
-    assert not {"driver", "crash"} & set(text.split())
-
-
-def _driving_row(text, name):
-    """The method's row in the second table."""
-    rows = text[text.index("Calibration, distances, safety") :].splitlines()
-    return next(line.split()[1:] for line in rows if line.split()[:1] == [name])
-
-
-def test_table_shows_distances_and_safety(checked):
-    text = format_table(checked)
-    model = {key: metric.value for key, metric in checked.overall.methods["model"].items()}
-    assert _driving_row(text, "model") == [
-        f"{model['ece']:.1f}",
-        f"{model['brier']:.2f}",
-        f"{model['expected_ade']:.2f}",
-        f"{model['min_ade_10']:.2f}",
-        f"{model['l2_at_3s']:.2f}",
-        f"{model['l2_upto_3s']:.2f}",
-        f"{model['collision_3s']:.1f}",
-        f"{model['off_road_3s']:.1f}",
-        f"{model['comfort']:.0f}",
-    ]
-    driver = checked.overall.driver
-    assert _driving_row(text, "driver") == [
-        f"{driver['collision_3s'].value:.1f}",
-        "0.0",
-        f"{driver['comfort'].value:.0f}",
-    ]
-
-
-def test_table_of_nine_methods_fits_80_columns_and_shows_the_best_part_by_part(case):
-    generator = np.random.default_rng(1)
-    names = ["blind", "constant_velocity", "constant_yaw_rate", "ego_status_network", "a", "b", "c"]
-    log_probs = case["log_probs"] | {
-        name: log_softmax(generator.normal(size=(240, 30)), axis=1) for name in names
-    }
-    log_probs["b"], log_probs["constant_yaw_rate"] = [case["log_probs"]["model"]] * 2
-    text = format_table(evaluate(**case | {"log_probs": log_probs}, path_checks=_path_checks))
-    lines = text.splitlines()
-    assert max(map(len, lines)) <= 80
-    assert "\N{HORIZONTAL ELLIPSIS}" not in text  # nothing is cut off
-    header = lines[next(i for i, line in enumerate(lines) if "Part by part" in line) + 2 :][:2]
-    assert {"model", "prior", "yaw", "b"} <= set(" ".join(header).split())
-    assert not {"blind", "network", "a"} & set(" ".join(header).split())
-
-
-def test_table_shows_what_does_not_apply_as_a_dash(case):
-    text = format_table(evaluate_scene(case, 50))
-    assert _driving_row(text, "model")[-3:-1] == ["-", "-"]
-    assert "nan" not in text
 
 
 class TestRefuses:

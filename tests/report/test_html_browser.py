@@ -101,6 +101,16 @@ def test_it_asks_for_nothing_complains_of_nothing_and_fits(
     )
 
 
+def test_a_click_makes_a_picture_large(browser: Browser, tmp_path: Path) -> None:
+    path = tmp_path / "report.html"
+    write_page(make_report(), CARDS | {"worst": [make_card(token="other")]}, DETAILS, path)
+    page = visit(browser, path.as_uri()).page
+    width = "document.querySelector('#worst img').getBoundingClientRect().width"
+    small_px = page.evaluate(width)
+    page.click("#worst img")
+    assert page.evaluate(width) > 2.0 * small_px
+
+
 @pytest.mark.parametrize("has_policy", [True, False])
 def test_the_policy_is_what_forbids_and_the_watch_sees_it(
     browser: Browser, tmp_path: Path, has_policy: bool

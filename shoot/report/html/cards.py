@@ -8,14 +8,12 @@ from dataclasses import dataclass
 
 from matplotlib.figure import Figure
 
-from shoot.report.html.markup import Html, element, join
+from shoot.report.html.markup import Html, element, join, note
 
 _PNG = b"\x89PNG\r\n\x1a\n"
-_GROUPS = {
-    "best": "Best",
-    "typical": "Typical",
-    "worst": "Worst",
-}
+_GROUPS = {"best": "Best", "typical": "Typical", "worst": "Worst"}
+# The first of these open the page.
+_FIRST = ("best", "worst")
 
 
 @dataclass(frozen=True)
@@ -67,6 +65,27 @@ def figure_png(figure: Figure, dpi: float = 100.0) -> bytes:
     return stream.getvalue()
 
 
+def first_cards(cards: Mapping[str, Sequence[SampleCard]]) -> Html:
+    """The best and the worst sample side by side; empty if there is neither."""
+    figures = [
+        _card(cards[group][0], f"{_GROUPS[group]}: ", anchor=group)
+        for group in _FIRST
+        if cards.get(group)
+    ]
+    if not figures:
+        return Html()
+    return join(
+        element("div", *figures, class_="pair"),
+        note("Blue dashes: driven. Orange: planned. Grey: cost, dark is dear. A click enlarges."),
+    )
+
+
+def other_cards(cards: Mapping[str, Sequence[SampleCard]]) -> dict[str, Sequence[SampleCard]]:
+    """The cards that `first_cards` leaves; groups without any are left out."""
+    others = {group: of[1:] if group in _FIRST else of for group, of in cards.items()}
+    return {group: of for group, of in others.items() if of}
+
+
 def card_sections(cards: Mapping[str, Sequence[SampleCard]]) -> Html:
     """All cards under the headings of their groups; groups of other names come last."""
     order = [name for name in _GROUPS if name in cards]
@@ -80,7 +99,8 @@ def card_sections(cards: Mapping[str, Sequence[SampleCard]]) -> Html:
     )
 
 
-def _card(card: SampleCard) -> Html:
+def _card(card: SampleCard, word: str = "", anchor: str = "") -> Html:
+    """A picture and what there is to say; with an anchor, a link to itself, which enlarges it."""
     percent = 100.0 * card.probability
     shown = f"{percent:.1f} %" if percent >= 0.05 else "below 0.1 %"
     width_px, height_px = card.size_px
@@ -94,12 +114,15 @@ def _card(card: SampleCard) -> Html:
     )
     caption = element(
         "figcaption",
-        element("strong", card.scene),
+        element("strong", word, card.scene),
         f": {card.description}" if card.description else "",
         element("br"),
         "Sample ",
         element("code", card.token),
-        f". The label has rank {card.rank + 1} of {card.num_templates}, probability {shown}, "
-        f"NLL {card.nll:.2f} nats.",
+        f". The template nearest to the driven path has rank {card.rank + 1} of "
+        f"{card.num_templates}, probability {shown}, NLL {card.nll:.2f} nats.",
     )
-    return element("figure", picture, caption, class_="card")
+    if not anchor:
+        return element("figure", picture, caption, class_="card")
+    link = element("a", picture, href=f"#{anchor}")
+    return element("figure", link, caption, class_="card", id=anchor)

@@ -40,12 +40,14 @@ class Group:
 
     Attributes:
         title: Heading of the table.
-        note: What its numbers mean, in a sentence or two.
+        note: What it is about, in a sentence.
+        reading: What its numbers mean.
         columns: Its metrics.
     """
 
     title: str
     note: str
+    reading: str
     columns: tuple[Column, ...]
 
 
@@ -64,10 +66,11 @@ MAIN: Final = (*TOP_K, NLL)
 
 CALIBRATION: Final = Group(
     "Calibration",
-    "Whether probabilities can be believed. ECE: how far the probability of the most probable "
-    "template is from how often it is the label, on average; noise makes it larger, most of "
-    "all in small samples. Brier score: squared error of all probabilities, 0 to 2. Expected ADE: "
-    "mean distance to the driven path, each template weighed by its probability.",
+    "Whether probabilities can be believed.",
+    "ECE: how far the probability of the most probable template is from how often it is the "
+    "label, on average; noise makes it larger, most of all in small samples. Brier score: squared "
+    "error of all probabilities, 0 to 2. Expected ADE: mean distance to the driven path, each "
+    "template weighed by its probability.",
     (
         Column("ece", "ECE, %", decimals=1),
         Column("brier", "Brier score", decimals=3),
@@ -78,10 +81,10 @@ CALIBRATION: Final = Group(
 SAFETY: Final = Group(
     "Collisions and leaving the road",
     "Share of chosen trajectories on which the ego would have touched an annotated road user, "
-    "or left the drivable area of the map, up to that time. The others move as recorded and "
-    "do not give way. Boxes that the driver's own path touches are taken to be inexact and "
-    "left out, so the driven path never collides; where it leaves the road, the map may be "
-    "wrong.",
+    "or left the drivable area of the map, up to that time.",
+    "The others move as recorded and do not give way. Boxes that the driver's own path touches are "
+    "taken to be inexact and left out, so the driven path never collides; where it leaves the "
+    "road, the map may be wrong.",
     (
         *_of_time("collision", "Collision, %", SECONDS),
         *_of_time("off_road", "Off the road, %", SECONDS),
@@ -92,11 +95,11 @@ GROUPS: Final = (
     CALIBRATION,
     Group(
         "The best of k trajectories",
-        "Of the k most probable templates, the one that comes nearest to the driven path: its mean "
-        "distance (minADE), its distance at the end (minFDE), and how often even the best is "
-        "somewhere 2 m off or more (miss rate). The nearest of all templates, which is the label, "
-        "is what an always-right planner would choose; it is one trajectory and stands under "
-        "k = 1.",
+        "Of the k most probable templates, the one that comes nearest to the driven path.",
+        "minADE is its mean distance, minFDE its distance at the end. The miss rate is how often "
+        "even the best is somewhere 2 m off or more. The nearest of all templates, which is the "
+        "label, is what an always-right planner would choose; it is one trajectory and stands "
+        "under k = 1.",
         (
             *_of_k("min_ade", "minADE, m", 2),
             *_of_k("min_fde", "minFDE, m", 2),
@@ -105,10 +108,11 @@ GROUPS: Final = (
     ),
     Group(
         "Distance of the chosen trajectory",
-        "The chosen trajectory is the most probable template. The two halves follow two "
-        "conventions for the same words, 'L2 at 3 s': the distance at that moment (as UniAD "
-        "reports it), or the mean of the distances every half second up to it (as ST-P3 and VAD "
-        "do), which is smaller. Compare left with left and right with right only.",
+        "The chosen trajectory is the most probable template. Compare left with left and right "
+        "with right only.",
+        "The two halves follow two conventions for the same words, 'L2 at 3 s': the distance at "
+        "that moment (as UniAD reports it), or the mean of the distances every half second up to "
+        "it (as ST-P3 and VAD do), which is smaller.",
         (
             *_of_time("l2_at", "L2 at that moment, m", L2_SECONDS),
             *_of_time("l2_upto", "L2, mean up to it, m", L2_SECONDS),
@@ -117,9 +121,10 @@ GROUPS: Final = (
     SAFETY,
     Group(
         "Comfort",
-        "How the chosen trajectory would feel: largest acceleration and jerk on the way, and the "
-        "share of trajectories that stay within bounds. Templates are means of many paths and "
-        "smoother than any of them; standing still is comfortable at any speed by these figures.",
+        "How the chosen trajectory would feel.",
+        "Largest acceleration and jerk on the way, and the share of trajectories that stay within "
+        "bounds. Templates are means of many paths and smoother than any of them; standing still "
+        "is comfortable at any speed by these figures.",
         (
             Column("lon_accel_mps2", "Along the path, m/s²"),
             Column("lat_accel_mps2", "Across it, m/s²"),

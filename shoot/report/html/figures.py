@@ -4,10 +4,10 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from shoot.evaluation.report import MODEL, Results
+from shoot.evaluation.results import MODEL, Results
 from shoot.metrics.bootstrap import Interval
 from shoot.report.html.columns import NLL, TOP_10
-from shoot.report.html.markup import Html, element, join
+from shoot.report.html.markup import Html, element, join, note
 from shoot.report.html.plots import (
     Look,
     draw_key,
@@ -106,13 +106,11 @@ def reliability_figures(overall: Results) -> Html:
         for idx, (name, bins) in enumerate(shown.items())
     ]
     return join(
-        element(
-            "p",
+        note(
             "Each point holds about the same number of samples. On the dashed line the most "
             "probable template is the label as often as its probability says; below it the method "
             "is too sure, above it not sure enough. Methods that are equally sure of all samples "
-            "would be one point and are left out.",
-            class_="note",
+            "would be one point and are left out."
         ),
         element("div", *diagrams, class_="figures"),
     )
@@ -137,11 +135,9 @@ def _left_out(methods: Mapping[str, object], names: Iterable[str]) -> Html:
     rest = [name for name in methods if name not in set(names)]
     if not rest:
         return Html()
-    return element(
-        "p",
+    return note(
         f"In the plots of this page {MOST_PLOTTED} methods at most are shown; in the tables only: "
-        f"{_listed(rest)}.",
-        class_="note",
+        f"{_listed(rest)}."
     )
 
 

@@ -1,10 +1,10 @@
-"""What a reader must know before the first number."""
+"""What the words of the page mean and what its numbers do not tell, folded away."""
 
 from collections.abc import Iterable
 from typing import Final
 
 from shoot.metrics.bootstrap import NUM_DRAWS, Groups, name_groups
-from shoot.report.html.markup import Html, element, join
+from shoot.report.html.markup import Html, element, folded, join, note
 from shoot.report.html.words import spaced
 
 # Methods with other names are listed without a word.
@@ -27,7 +27,7 @@ METHOD_NOTES: Final = {
 def reading_guide(
     num_templates: int | None, resampled: Groups, num_groups: int, methods: Iterable[str]
 ) -> Html:
-    """The words of the page, and what its numbers do not tell.
+    """The page's idea in a line; to be opened: its words, its limits and its methods.
 
     Args:
         num_templates: K, if known.
@@ -92,7 +92,14 @@ def reading_guide(
         )
         for name in methods
     ]
-    return join(element("ul", *points), element("h3", "Methods"), element("ul", *names))
+    return join(
+        note(
+            f"Each method gives each of {one_of} a probability. What counts is how high the one "
+            "nearest to the driven path comes out."
+        ),
+        folded("The words, and what the numbers do not tell", element("ul", *points)),
+        folded("The methods", element("ul", *names)),
+    )
 
 
 def _point(word: str, text: str) -> Html:

@@ -38,5 +38,15 @@ def join(*children: str, between: str = "") -> Html:
     return Html(between.join(_escaped(child) for child in children))
 
 
+def note(text: str) -> Html:
+    """A paragraph beside the matter: what a heading, a table or a plot is about."""
+    return element("p", text, class_="note")
+
+
+def folded(title: str, *children: str) -> Html:
+    """What is read only by those who open it."""
+    return element("details", element("summary", title), *children)
+
+
 def _escaped(child: str) -> str:
     return child if isinstance(child, Html) else html.escape(legible(child))

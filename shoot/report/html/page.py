@@ -1,32 +1,23 @@
 """The page as a whole: from a report and pictures to one file."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from lss_core.files import write_atomically
-from shoot.evaluation.report import MODEL, Report, Results
-from shoot.metrics.bootstrap import Interval
-from shoot.report.html.cards import SampleCard, card_sections
-from shoot.report.html.columns import (
-    CALIBRATION,
-    GROUPS,
-    MAIN,
-    NLL,
-    ORACLE_KEYS,
-    SAFETY,
-    TOP_10,
-    Column,
-    other_columns,
-)
-from shoot.report.html.figures import part_figures, reliability_figures, top_k_figures
+from shoot.evaluation.results import Report
+from shoot.report.html.cards import SampleCard
 from shoot.report.html.guide import reading_guide
 from shoot.report.html.markup import Html, element, join
+from shoot.report.html.opening import opening
+from shoot.report.html.sections import (
+    driving_section,
+    methods_section,
+    parts_section,
+    samples_section,
+)
 from shoot.report.html.style import STYLE
-from shoot.report.html.tables import difference_table, method_table, part_table
-from shoot.report.html.words import spaced, verdict
 
 # The browser may fetch nothing, run nothing and send nothing, whatever stands in the page.
 POLICY: Final = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
@@ -71,6 +62,9 @@ def render_page(
 ) -> str:
     """The page as text; the same input gives the same text.
 
+    It opens with the verdict, the best and the worst sample and one table. What the words mean is
+    folded away below.
+
     Args:
         report: Of the evaluation. A metric that is missing or no number becomes a dash.
         cards: Group (`best`, `typical`, `worst`) -> samples; may be empty.
@@ -80,10 +74,10 @@ def render_page(
     title = f"Evaluation of {details.run} on '{report.split}'"
     sections = [
         ("guide", "How to read this", _guide(report, details)),
-        ("methods", "All methods", _methods(overall)),
-        ("driving", "Calibration and driving", _driving(report)),
-        ("parts", "Part by part", _parts(report)),
-        ("samples", "Samples", _samples(cards)),
+        ("methods", "All methods", methods_section(overall)),
+        ("driving", "Calibration and driving", driving_section(report)),
+        ("parts", "Part by part", parts_section(report)),
+        ("samples", "More samples", samples_section(cards)),
     ]
     links = (
         element("li", element("a", name, href=f"#{anchor}"))
@@ -92,8 +86,8 @@ def render_page(
     )
     body = join(
         element("h1", title),
+        opening(report, cards),
         _facts(report, details),
-        *(_outcome(overall.differences, column) for column in (TOP_10, NLL)),
         element("nav", element("ul", *links), aria_label="Contents"),
         element(
             "main",
@@ -143,119 +137,3 @@ def _guide(report: Report, details: PageDetails) -> Html:
     return reading_guide(
         details.num_templates, report.resampled, overall.num_groups, overall.methods
     )
-
-
-def _methods(overall: Results) -> Html:
-    parts = [method_table("Ranking: means with 95 % intervals", overall.methods, MAIN)]
-    if overall.differences:
-        title = f"Differences: {MODEL} minus the others"
-        parts.append(difference_table(title, overall.differences, MAIN))
-    else:
-        parts.append(_note(f"No method is called '{MODEL}', so there are no differences."))
-    return join(*parts, top_k_figures(overall.methods))
-
-
-def _outcome(differences: Mapping[str, Mapping[str, Interval]], column: Column) -> Html:
-    """In a sentence: what the model beats and what it does not."""
-    outcomes: dict[str, list[str]] = {"better": [], "worse": [], "": []}
-    for name, metrics in differences.items():
-        if column.key in metrics and math.isfinite(metrics[column.key].value):
-            outcomes[verdict(metrics[column.key], column)].append(spaced(name))
-    clauses = [
-        f"{words} {', '.join(names)}"
-        for words, names in (
-            ("better than", outcomes["better"]),
-            ("worse than", outcomes["worse"]),
-            ("not told apart from", outcomes[""]),
-        )
-        if names
-    ]
-    if not clauses:
-        return Html()
-    return element("p", f"In {column.name.partition(',')[0]} the {MODEL} is {'; '.join(clauses)}.")
-
-
-def _driving(report: Report) -> Html:
-    overall = report.overall
-    oracle = {ORACLE_KEYS.get(key, key): value for key, value in overall.oracle.items()}
-    limits = {"nearest template": oracle, "driven path": overall.driver}
-    every = (*overall.methods.values(), *limits.values())
-    keys = [key for metrics in every for key in metrics]
-    parts = []
-    for group in GROUPS:
-        parts += [element("h3", group.title), _note(group.note)]
-        parts.append(_group(overall, limits, group.columns, keys))
-        if group is SAFETY and report.rests_on is not None:
-            parts += [_note(f"On this data: {text}.") for text in report.rests_on.sentences()]
-        if group is CALIBRATION:
-            parts.append(reliability_figures(overall))
-        if group is SAFETY and report.num_boxes_left_out:
-            parts.append(
-                _note(
-                    f"Left out: {report.num_boxes_left_out} boxes, at "
-                    f"{report.num_samples_with_boxes_left_out} of {overall.num_samples} samples."
-                )
-            )
-    others = other_columns(keys)
-    if others:
-        parts += [element("h3", "Other metrics"), _group(overall, limits, others, keys)]
-    return join(*parts)
-
-
-def _group(
-    overall: Results,
-    limits: Mapping[str, Mapping[str, Interval]],
-    columns: Sequence[Column],
-    keys: Sequence[str],
-) -> Html:
-    """A group's means, and its differences to be unfolded."""
-    if not any(column.key in keys for column in columns):
-        return _note("Not part of this report.")
-    means = method_table("Means with 95 % intervals", overall.methods, columns, limits)
-    if not overall.differences:
-        return means
-    title = f"Differences: {MODEL} minus the others"
-    return join(
-        means,
-        element(
-            "details",
-            element("summary", title),
-            difference_table(title, overall.differences, columns),
-        ),
-    )
-
-
-def _parts(report: Report) -> Html:
-    groups = (
-        ("manoeuvre", "By manoeuvre", report.by_manoeuvre),
-        ("speed", "By speed", report.by_speed),
-        ("condition", "By light and weather", report.by_condition),
-    )
-    return join(
-        *(
-            join(
-                element("h3", title),
-                part_table(f"Top-10 and NLL {title.lower()}", parts),
-                part_figures(anchor, title, parts, report.overall),
-            )
-            for anchor, title, parts in groups
-            if parts
-        )
-    )
-
-
-def _samples(cards: Mapping[str, Sequence[SampleCard]]) -> Html:
-    if not any(cards.values()):
-        return Html()
-    return join(
-        _note(
-            f"Chosen by the NLL of {MODEL}: best and worst are the two ends, typical ones lie "
-            "around the median. They show what success and failure look like, not how often they "
-            "happen. Cost of the map: dark is dear."
-        ),
-        card_sections(cards),
-    )
-
-
-def _note(text: str) -> Html:
-    return element("p", text, class_="note")

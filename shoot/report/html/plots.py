@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lss_core.legible import legible
-from shoot.evaluation.report import MODEL, Results
+from shoot.evaluation.results import MODEL, Results
 from shoot.metrics.bootstrap import Interval
 from shoot.metrics.calibration import Reliability
 from shoot.metrics.ranks import TOP_KS

@@ -10,14 +10,15 @@ STYLE = f"""
 body{{margin:0 auto;max-width:72rem;padding:1.5rem 1.25rem 4rem;background:{palette.PAPER};
  color:{palette.INK};font:16px/1.5 system-ui,-apple-system,"Segoe UI",Roboto,sans-serif;
  overflow-wrap:break-word}}
-h1{{font-size:1.6rem;line-height:1.25;margin:0 0 .75rem}}
+h1{{font-size:1.1rem;line-height:1.25;margin:0 0 .5rem;color:{palette.SOFT_INK}}}
 h2{{font-size:1.25rem;margin:2.75rem 0 .5rem;padding-top:.75rem;border-top:1px solid {RULE}}}
+.answer{{font-size:1.3rem;line-height:1.4;margin:0 0 1rem;padding:0;border:0}}
 h3{{font-size:1.02rem;margin:1.75rem 0 .25rem}}
 p,ul{{margin:.5rem 0;max-width:46rem}}
 li{{margin:.25rem 0}}
 a{{color:{palette.DRIVEN}}}
 code{{font:.92em ui-monospace,Consolas,monospace;overflow-wrap:anywhere}}
-.facts{{display:grid;grid-template-columns:max-content 1fr;gap:.1rem 1rem;margin:0}}
+.facts{{display:grid;grid-template-columns:max-content 1fr;gap:.1rem 1rem;margin:1.5rem 0 0}}
 .facts dt{{color:{palette.SOFT_INK}}}
 .facts dd{{margin:0;overflow-wrap:anywhere}}
 nav ul{{display:flex;flex-wrap:wrap;gap:.25rem 1.25rem;list-style:none;padding:0;margin:1.25rem 0}}
@@ -47,6 +48,12 @@ svg text{{font-family:inherit!important}}
 .key li{{display:flex;align-items:center;gap:.4rem;margin:0}}
 .card{{margin:1rem 0 2rem}}
 .card img{{border:1px solid {RULE};width:100%}}
+.pair{{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,22rem),1fr));
+ gap:.5rem 1.25rem}}
+.pair .card{{margin:0;min-width:0}}
+.pair .card:target{{grid-column:1/-1}}
+.summary tbody th{{max-width:min(16rem,40vw)}}
+.summary .range,.summary .verdict{{display:inline;margin-left:.4em}}
 summary{{cursor:pointer;color:{palette.DRIVEN}}}
 @media print{{.scroll{{overflow:visible}}figure,tr{{break-inside:avoid}}}}
 """

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 
-from shoot.evaluation.report import MODEL, Results
+from shoot.evaluation.results import KNOWING_SPEED, MODEL, Results
 from shoot.metrics.bootstrap import Interval
 from shoot.report.html.columns import NLL, TOP_10, Column
 from shoot.report.html.markup import Html, element, join
@@ -47,6 +47,26 @@ def difference_table(
     return _table(title, _head(f"{MODEL} minus", columns), rows)
 
 
+def summary_table(title: str, overall: Results) -> Html:
+    """Planner and baselines, a line each: top-10 and NLL, and the planner's lead in them."""
+    columns = [
+        Column(column.key, column.name, label, column.decimals)
+        for column in (TOP_10, NLL)
+        for label in ("mean", f"{MODEL} minus it")
+    ]
+    rows = []
+    for name, metrics in overall.methods.items():
+        if name == KNOWING_SPEED:
+            continue
+        cells = []
+        for column in (TOP_10, NLL):
+            cells.append(_cell(metrics, column, is_first=True))
+            cells.append(_cell(overall.differences.get(name, {}), column, signed=True))
+        header = element("th", spaced(name), scope="row")
+        rows.append(element("tr", header, *cells, class_=row_class(name)))
+    return _table(title, _head("method", columns), rows, "scroll summary")
+
+
 def part_table(title: str, parts: Mapping[str, Results]) -> Html:
     """Parts of the samples one below the other, top-10 and NLL of each method side by side."""
     methods = list(dict.fromkeys(name for part in parts.values() for name in part.methods))
@@ -70,9 +90,9 @@ def part_table(title: str, parts: Mapping[str, Results]) -> Html:
     return _table(title, _head("part", [*counts, *columns]), rows)
 
 
-def _table(title: str, head: Html, rows: Iterable[Html]) -> Html:
+def _table(title: str, head: Html, rows: Iterable[Html], class_: str = "scroll") -> Html:
     table = element("table", element("caption", title), head, element("tbody", *rows))
-    return element("div", table, class_="scroll", role="region", aria_label=title, tabindex=0)
+    return element("div", table, class_=class_, role="region", aria_label=title, tabindex=0)
 
 
 def _head(corner: str, columns: Sequence[Column]) -> Html:

@@ -1,8 +1,9 @@
 """Numbers and names as the page writes them."""
 
 import math
+from collections.abc import Sequence
 
-from shoot.evaluation.report import MODEL
+from shoot.evaluation.results import MODEL
 from shoot.metrics.bootstrap import Interval
 from shoot.report.html.columns import Column
 
@@ -42,6 +43,12 @@ def verdict(difference: Interval, column: Column) -> str:
 def spaced(name: str) -> str:
     """A method's key as words."""
     return name.replace("_", " ")
+
+
+def listed(names: Sequence[str]) -> str:
+    """`a`, `a and b`, `a, b and c`."""
+    *others, last = names
+    return f"{', '.join(others)} and {last}" if others else last
 
 
 def row_class(name: str) -> str:
