@@ -163,6 +163,29 @@ def test_recordings_become_a_data_set_as_the_readme_says(
     assert index.has_camera.tolist() == 4 * [[True]]
 
 
+@pytest.mark.parametrize(
+    "page",
+    [page for page in PAGES if page.name != "CHANGELOG.md"],  # which tells of what was
+    ids=lambda page: page.relative_to(ROOT).as_posix(),
+)
+def test_names_and_files_in_pages_exist(page: Path) -> None:
+    blocks = BLOCK.findall(page.read_text(encoding="utf-8"))
+    imports = "\n".join(
+        line
+        for language, block in blocks
+        if language == "python"
+        for line in block.splitlines()
+        if line.startswith(("import ", "from "))
+    )
+    exec(compile(imports, page.name, "exec"), {})
+    code = " ".join(re.findall(r"`([^`\n]+)`", BLOCK.sub("", page.read_text(encoding="utf-8"))))
+    rooms = "lss_core|shoot|scripts|tests|examples"
+    files = re.findall(rf"(?<![\w./-])((?:{rooms})/[\w./-]+\.(?:py|sh))\b", code)
+    assert [file for file in files if not (ROOT / file).exists()] == []
+    for name in re.findall(r"(?<![\w./-])((?:lss_core|shoot)(?:\.[a-zA-Z]\w*)+)", code):
+        assert resolve(name) is not None, name
+
+
 def test_the_paper_map_points_to_things_that_exist() -> None:
     text = (ROOT / "docs" / "paper_map.md").read_text(encoding="utf-8")
     names = re.findall(r"`((?:lss_core|shoot)\.[\w.]+)`", text)
