@@ -2,9 +2,9 @@
 
     python scripts/frustum_study.py [FOLDER] [--jobs 2]
 
-Trains the camera planner of table6.py with both, three seeds each, and writes the table of
-docs/results.md; hours in all. Run again, it goes on where it was. Each finished run leaves a record
-in docs/results/frustum/, and the table is made from these alone.
+Trains the camera planner of table6.py with both, three seeds each, and writes the tables of
+docs/results/features.md and docs/results.md; hours in all. Run again, it goes on where it was. Each
+finished run leaves a record in docs/results/frustum/, and the tables are made from these alone.
 """
 
 import os
@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Annotated
 
 import tyro
-from marked_page import fill_page
+from marked_page import fill_pages
 from planning_table.cells import PAIRED, markdown, model_spread, paired, value_cell
 from planning_table.experiments import MAIN_METRICS, SEEDS, Experiment
 from planning_table.records import Record, load_records
@@ -37,8 +37,8 @@ class StudyConfig:
         folder: For data set, templates and runs; 10 GB.
         jobs: Runs side by side; each gets its share of the cores.
         records: Folder of the records.
-        page: Where the table stands, between markers.
-        table_only: Make the table from the records and end.
+        pages: Folder of README.md and docs/, where the tables stand between markers.
+        table_only: Make the tables from the records and end.
         train_scenes: Scenes to train on.
         val_scenes: Scenes to evaluate on.
         k: Number of templates.
@@ -48,7 +48,7 @@ class StudyConfig:
     folder: Annotated[Path, tyro.conf.Positional] = Path("runs/frustum")
     jobs: Workers = 2
     records: Path = Path("docs/results/frustum")
-    page: Path = Path("docs/results.md")
+    pages: Path = Path()
     table_only: bool = False
     train_scenes: Annotated[int, Bounds(1, 700)] = 700
     val_scenes: Annotated[int, Bounds(1, 150)] = 100
@@ -67,20 +67,40 @@ def study(config: StudyConfig) -> list[str]:
         workers = len(os.sched_getaffinity(0))
         prepare(place, config.train_scenes, config.val_scenes, config.k, workers, "keyframes")
         failed = run_all(RUNS, place, config.jobs, config.flags)
-    fill_page(config.page, "frustum", table(load_records(config.records)))
+    fill_pages(config.pages, tables(load_records(config.records)))
     return failed
 
 
-def table(records: Sequence[Record]) -> str:
-    """Both ways, and their difference where both have the same seeds."""
+def tables(records: Sequence[Record]) -> dict[str, str]:
+    """Both ways and their difference, once alone and once beside baselines."""
+    ways = _ways(records)
+    if not ways:
+        return dict.fromkeys(("frustum", "frustum-short"), "No run is finished yet.")
+    baselines = []
+    for name in ("prior", "blind", "past_motion"):
+        beside = records[0]["methods"][name]
+        cells = (value_cell(beside[m], m) for m in MAIN_METRICS)
+        baselines.append([name.replace("_", " "), *cells])
+    one = records[0]
+    setting = (
+        f"{one['num_samples']} validation samples, {one['num_scenes']} scenes; {one['steps']} "
+        f"steps of {one['batch_size']} samples, {one['precision']}, on {one['processor']}."
+    )
+    header = ["frustum: seeds", *MAIN_METRICS.values()]
+    return {
+        "frustum": f"{setting}\n\n{markdown(header, ways + baselines)}",
+        "frustum-short": markdown(header, ways),
+    }
+
+
+def _ways(records: Sequence[Record]) -> list[list[str]]:
+    """A row for each way, and for their difference where both have the same seeds."""
     by_way = {way: [r for r in records if r["planner"] == way] for way in _WAYS}
     rows = []
     for way, own in by_way.items():
         if own:
             seeds = ", ".join(str(record["seed"]) for record in own)
             rows.append([f"`{way}`: {seeds}", *(model_spread(own, m) for m in MAIN_METRICS)])
-    if not rows:
-        return "No run is finished yet."
     both = [
         [r for r in by_way[way] if r["seed"] in {other["seed"] for other in by_way[than]}]
         for way, than in (_WAYS, _WAYS[::-1])
@@ -88,15 +108,7 @@ def table(records: Sequence[Record]) -> str:
     if both[0]:
         less = [paired(both[1], both[0], m) if m in PAIRED else "" for m in MAIN_METRICS]
         rows.append(["`sampled` minus `cell`", *less])
-    for name in ("prior", "blind", "past_motion"):
-        beside = records[0]["methods"][name]
-        rows.append([name.replace("_", " "), *(value_cell(beside[m], m) for m in MAIN_METRICS)])
-    one = records[0]
-    return (
-        f"{one['num_samples']} validation samples, {one['num_scenes']} scenes; {one['steps']} "
-        f"steps of {one['batch_size']} samples, {one['precision']}, on {one['processor']}.\n\n"
-        + markdown(["frustum: seeds", *MAIN_METRICS.values()], rows)
-    )
+    return rows
 
 
 if __name__ == "__main__":

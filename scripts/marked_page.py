@@ -1,5 +1,6 @@
-"""Pages whose middle part a command makes: it stands between two markers."""
+"""Pages of which a command makes some parts: each stands between two markers."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from lss_core.errors import DataError
@@ -20,3 +21,24 @@ def fill_page(page: Path, name: str, text: str) -> None:
     tail = rest.split(end)[1]
     with write_atomically(page) as stream:
         stream.write(f"{head}{begin}\n\n{text}\n\n{end}{tail}".encode())
+
+
+def fill_pages(root: Path, parts: Mapping[str, str]) -> None:
+    """Put each part wherever the pages of a repository have markers for it.
+
+    Args:
+        root: Folder of README.md and docs/.
+        parts: Name to text. A part may stand on several pages, as a short one and a full one.
+
+    Raises:
+        DataError: If a part stands on no page; none is changed then.
+    """
+    pages = sorted([*root.glob("*.md"), *root.glob("docs/**/*.md")])
+    texts = {page: page.read_text(encoding="utf-8") for page in pages}
+    places = {name: [p for p in pages if f"<!-- {name} -->" in texts[p]] for name in parts}
+    for name, found in places.items():
+        if not found:
+            raise DataError(f"No page of '{root}' holds <!-- {name} --> and <!-- /{name} -->.")
+    for name, found in places.items():
+        for page in found:
+            fill_page(page, name, parts[name])

@@ -2,9 +2,10 @@
 
     python scripts/table6.py [FOLDER] [--only camera lidar10] [--jobs 2]
 
-Makes the data set, trains, evaluates and writes the tables of docs/results.md; hours in all. Run
-again, it goes on where it was. Each finished run leaves a record in docs/results/, and the tables
-are made from these records alone: copied there from other machines, they count as done here.
+Makes the data set, trains, evaluates and writes the tables of README.md, docs/results.md and the
+pages in docs/results/; hours in all. Run again, it goes on where it was. Each finished run leaves a
+record in docs/results/, and the tables are made from these records alone: copied there from other
+machines, they count as done here.
 """
 
 import os
@@ -33,7 +34,7 @@ class TableConfig:
         records: Folder of the records.
         again: Folder of the records of the same runs made a second time, which the tables compare;
             may be missing.
-        page: Where the tables stand, between markers.
+        pages: Folder of README.md and docs/, where the tables stand between markers.
         tables_only: Make the tables from the records and end.
         train_scenes: Scenes to train on.
         val_scenes: Scenes to evaluate on.
@@ -46,7 +47,7 @@ class TableConfig:
     jobs: Workers = 2
     records: Path = Path("docs/results")
     again: Path = Path("docs/results/again")
-    page: Path = Path("docs/results.md")
+    pages: Path = Path()
     tables_only: bool = False
     train_scenes: Annotated[int, Bounds(1, 700)] = 700
     val_scenes: Annotated[int, Bounds(1, 150)] = 100
@@ -73,7 +74,7 @@ def table6(config: TableConfig) -> list[str]:
         workers = len(os.sched_getaffinity(0))
         prepare(place, config.train_scenes, config.val_scenes, config.k, workers)
         failed = run_all(chosen, place, config.jobs, config.flags)
-    write_tables(load_records(config.records), config.page, load_records(config.again))
+    write_tables(load_records(config.records), config.pages, load_records(config.again))
     return failed
 
 

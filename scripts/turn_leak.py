@@ -1,4 +1,4 @@
-"""Does a trained planner know where the ego will turn? Report and figure for docs/results.md.
+"""Does a trained planner know where the ego will turn? Report and figure for docs/results/turns.md.
 
     python scripts/turn_leak.py RUN --split val --out leak.json --figure leak.png
 

@@ -7,7 +7,7 @@ from planning_table.experiments import MAIN_METRICS, PAIRS, PLANNERS
 from planning_table.records import Record, bases_of
 
 
-def again_tables(first: Sequence[Record], again: Sequence[Record]) -> list[str]:
+def again_tables(first: Sequence[Record], again: Sequence[Record]) -> dict[str, str]:
     """Planners, and what limits them, from the first records and from the second.
 
     Args:
@@ -15,10 +15,13 @@ def again_tables(first: Sequence[Record], again: Sequence[Record]) -> list[str]:
         again: Of the same runs, or of a part; what is in one of the two only is left out.
     """
     names = {r["name"] for r in first} & {r["name"] for r in again}
-    if not names:
-        return []
     both = [[r for r in records if r["name"] in names] for records in (first, again)]
-    return [_setting(both), _planners(*both), _differences(*both), _limits(*both)]
+    return {
+        "again-setting": _setting(both) if names else "",
+        "again-planners": _planners(*both),
+        "again-sensors": _differences(*both),
+        "again-changes": _limits(*both),
+    }
 
 
 def _setting(both: Sequence[Sequence[Record]]) -> str:

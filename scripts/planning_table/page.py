@@ -1,9 +1,9 @@
-"""The tables of docs/results.md, from the records of finished runs and nothing else."""
+"""The tables of docs/results/, from the records of finished runs and nothing else."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 
-from marked_page import fill_page
+from marked_page import fill_pages
 
 from planning_table.again import again_tables
 from planning_table.cells import PAIRED, markdown, model_spread, paired, spread, value_cell
@@ -38,6 +38,8 @@ _FURTHER = {
     "off_road_3s": "off-road 3 s, %",
     "comfort": "comfort, %",
 }
+_NOTHING = "No run of these is finished yet."
+_SHORT = ("prior", "blind", "constant_velocity", "past_motion")
 _CHANGED = {
     "top10": MAIN_METRICS["top10"],
     "nll": MAIN_METRICS["nll"],
@@ -45,36 +47,37 @@ _CHANGED = {
 }
 
 
-def write_tables(records: Sequence[Record], page: Path, again: Sequence[Record] = ()) -> None:
-    """Put the tables between the page's markers.
+def write_tables(records: Sequence[Record], root: Path, again: Sequence[Record] = ()) -> None:
+    """Put each table between the markers `table6-...` of the pages that show it.
 
     Args:
         records: Of the runs that the tables are about.
-        page: Where to.
+        root: Folder of README.md and docs/.
         again: Of the same runs, made a second time.
 
     Raises:
-        DataError: If the page has no markers.
+        DataError: If no page has a table's markers.
     """
-    made = "\n\n".join(part for part in (*_tables(records), *again_tables(records, again)) if part)
-    fill_page(page, "table6", made)
+    made = all_tables(records, again)
+    fill_pages(root, {f"table6-{n}": text or _NOTHING for n, text in made.items()})
 
 
-def _tables(records: Sequence[Record]) -> list[str]:
+def all_tables(records: Sequence[Record], again: Sequence[Record] = ()) -> dict[str, str]:
+    """Name to table, which is empty where no run for it is there."""
     runs = {name: [r for r in records if r["planner"] == name] for name in PLANNERS}
     runs = {name: own for name, own in runs.items() if own}
-    if not runs:
-        return ["No run is finished yet."]
-    return [
-        _setting(runs),
-        _planning_table(runs),
-        _difference_table(runs),
-        _planner_table(runs),
-        _further_table(runs),
-        _part_table(runs),
-        _speed_table(runs),
-        _limit_table(records),
-    ]
+    of_runs: dict[str, Callable[[dict[str, list[Record]]], str]] = {
+        "setting": _setting,
+        "planners": _planning_table,
+        "planners-short": lambda runs: _planning_table(runs, _SHORT),
+        "baselines": _difference_table,
+        "sensors": _planner_table,
+        "further": _further_table,
+        "parts": _part_table,
+        "speed": _speed_table,
+    }
+    made = {name: make(runs) if runs else "" for name, make in of_runs.items()}
+    return made | {"changes": _limit_table(records)} | again_tables(records, again)
 
 
 def _setting(runs: dict[str, list[Record]]) -> str:
@@ -94,23 +97,19 @@ def _setting(runs: dict[str, list[Record]]) -> str:
     )
 
 
-def _planning_table(runs: dict[str, list[Record]]) -> str:
+def _planning_table(
+    runs: dict[str, list[Record]], baselines: Collection[str] = tuple(_BASELINES)
+) -> str:
     rows = []
     for name, own in runs.items():
         cells = [model_spread(own, metric) for metric in MAIN_METRICS]
         rows.append([f"**{PLANNERS[name]}**", *cells, _PAPER[name]])
-    one = next(iter(runs.values()))[0]
     for name, label in _BASELINES.items():
-        if name in one["methods"]:
-            metrics = one["methods"][name]
+        metrics = _first(runs)["methods"].get(name)
+        if metrics and name in baselines:
             rows.append([label, *(value_cell(metrics[m], m) for m in MAIN_METRICS), ""])
     header = ["planner", *MAIN_METRICS.values(), "paper, nuScenes: top-5 / 10 / 20, %"]
-    return (
-        "Planners: mean over seeds (smallest to largest) [95 % intervals over scenes, from the "
-        "lowest end of any seed's to the highest]. Baselines: value [95 % interval]; those with a "
-        "* know the car's own motion, which no image shows. The same in all tables.\n\n"
-        + markdown(header, rows)
-    )
+    return markdown(header, rows)
 
 
 def _difference_table(runs: dict[str, list[Record]]) -> str:

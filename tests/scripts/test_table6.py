@@ -1,4 +1,4 @@
-"""The queue of runs behind docs/results.md, and the tables made of what they leave."""
+"""The queue of runs behind docs/results/, and the tables made of what they leave."""
 
 import importlib
 import json
@@ -49,6 +49,20 @@ def place(table: Any, tiny_run: TinyRun, tmp_path: Path) -> Any:
     return table.work.Place(folder, tmp_path / "records")
 
 
+def names_of_tables(table: Any) -> list[str]:
+    return list(table.page.all_tables([]))
+
+
+def marked_page(table: Any, root: Path, inside: str) -> Path:
+    """A page with markers for every table."""
+    marks = (
+        f"<!-- table6-{n} -->\n{inside}\n<!-- /table6-{n} -->\n" for n in names_of_tables(table)
+    )
+    page = root / "README.md"
+    page.write_text(f"Before\n{''.join(marks)}after\n")
+    return page
+
+
 @pytest.mark.slow
 def test_runs_are_trained_evaluated_compared_and_shipped(
     table: Any, monkeypatch: pytest.MonkeyPatch, place: Any, tmp_path: Path
@@ -64,7 +78,9 @@ def test_runs_are_trained_evaluated_compared_and_shipped(
         assert record["train_s"] > 0.0
         assert (place.folder / run.name / "report.html").is_file()
 
-    lines = study.table(study.load_records(place.records)).splitlines()
+    made = study.tables(study.load_records(place.records))
+    lines = made["frustum"].splitlines()
+    assert set(made["frustum-short"].splitlines()) < set(lines)
     rows = {line.split(" | ")[0]: line for line in lines if line.startswith("| ")}
     assert {"| `cell`: 0", "| `sampled`: 0", "| `sampled` minus `cell`", "| prior"} <= set(rows)
     cell, sampled = (record["methods"]["model"]["nll"]["value"] for record in records)
@@ -88,7 +104,7 @@ def test_runs_are_trained_evaluated_compared_and_shipped(
     assert f"| {value:.2f} [" in (out / "README.md").read_text()
 
 
-def test_a_record_alone_tells_that_a_run_is_done(table: Any, place: Any) -> None:
+def test_a_record_alone_tells_that_a_run_is_done(table: Any, place: Any, tmp_path: Path) -> None:
     runs = [table.experiments.Experiment("camera", "small", seed) for seed in (0, 1)]
     made = json.loads((ROOT / "docs" / "results" / "camera-0.json").read_text())
     place.records.mkdir()
@@ -98,9 +114,8 @@ def test_a_record_alone_tells_that_a_run_is_done(table: Any, place: Any) -> None
     assert table.work.run_all(runs, place, 1, FLAGS) == []
     assert not any((place.folder / run.name).exists() for run in runs)
 
-    page = place.folder / "page.md"
-    page.write_text("Before\n<!-- table6 -->\noutdated words\n<!-- /table6 -->\nafter\n")
-    table.page.write_tables(table.records.load_records(place.records), page)
+    page = marked_page(table, tmp_path, "outdated words")
+    table.page.write_tables(table.records.load_records(place.records), tmp_path)
     text = page.read_text()
     assert text.startswith("Before\n")
     assert text.endswith("after\n")
@@ -145,12 +160,20 @@ def test_a_failing_run_is_named_and_leaves_no_record(table: Any, place: Any) -> 
     assert "nowhere" in (place.folder / "camera-0" / "train.log").read_text()
 
 
-def test_a_page_without_markers_is_left_alone(table: Any, tmp_path: Path) -> None:
-    page = tmp_path / "page.md"
-    page.write_text("nothing here")
-    with pytest.raises(DataError, match="once each"):
-        table.page.write_tables([], page)
-    assert page.read_text() == "nothing here"
+def test_pages_without_a_tables_markers_are_left_alone(table: Any, tmp_path: Path) -> None:
+    page = marked_page(table, tmp_path, "as it was")
+    text = page.read_text().replace("table6-speed", "table6-sped")
+    page.write_text(text)
+    with pytest.raises(DataError, match="<!-- table6-speed -->"):
+        table.page.write_tables([], tmp_path)
+    assert page.read_text() == text
+
+
+def test_tables_without_runs_say_so(table: Any, tmp_path: Path) -> None:
+    page = marked_page(table, tmp_path, "outdated words")
+    table.page.write_tables([], tmp_path)
+    assert page.read_text().count("No run of these is finished yet.") == len(names_of_tables(table))
+    assert "outdated" not in page.read_text()
 
 
 def test_planners_are_compared_scene_by_scene(table: Any) -> None:
@@ -199,9 +222,8 @@ def test_a_change_is_measured_from_the_mean_over_seeds(table: Any, tmp_path: Pat
         record["by_scene"] = {"scene-0003": scene, "scene-0012": scene}
     assert table.records.bases_of(records[0], records) == records[1:4]
     assert table.records.bases_of(records[1], records) == []
-    page = tmp_path / "page.md"
-    page.write_text("<!-- table6 -->\n<!-- /table6 -->\n")
-    table.page.write_tables(records, page)
+    page = marked_page(table, tmp_path, "")
+    table.page.write_tables(records, tmp_path)
     rows = [line.split(" | ") for line in page.read_text().splitlines() if "half-steps" in line]
     assert [row[-2:] for row in rows] == [["-8.0 [-8.0, -8.0]", "+0.00 [+0.00, +0.00] |"]]
 
@@ -212,7 +234,8 @@ def test_runs_made_twice_are_compared_as_far_as_both_are_there(table: Any) -> No
     for record in again:
         for scene in record["by_scene"].values():
             scene["top10"] += 2.0
-    setting, planners, differences, limits = table.again.again_tables(records, again)
+    made = table.again.again_tables(records, again)
+    setting, planners, differences, limits = made.values()
     assert f"{len(again)} runs" in setting
     assert "the same" in setting
     rows = [line.split(" | ") for line in planners.splitlines()[2:]]
@@ -227,18 +250,26 @@ def test_runs_made_twice_are_compared_as_far_as_both_are_there(table: Any) -> No
         assert top10 == top10_again
         assert nll == nll_again
     assert len(limits.splitlines()) == 4 + sum(bool(record["flags"]) for record in records)
-    assert table.again.again_tables(records, []) == []
+    assert set(table.again.again_tables(records, []).values()) == {""}
 
 
-def test_the_page_holds_what_the_records_say(table: Any, tmp_path: Path) -> None:
-    """docs/results.md is made of the records in docs/results/ and of nothing else."""
-    page = ROOT / "docs" / "results.md"
-    again = tmp_path / "results.md"
-    again.write_text(page.read_text())
+def test_the_pages_hold_what_the_records_say(
+    table: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Tables are made of the records in docs/results/ and of nothing else."""
+    monkeypatch.syspath_prepend(ROOT / "scripts")
+    study, marked = (importlib.import_module(name) for name in ("frustum_study", "marked_page"))
+    pages = [ROOT / "README.md", *(ROOT / "docs").glob("**/*.md")]
+    for page in pages:
+        copy = tmp_path / page.relative_to(ROOT)
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        copy.write_text(page.read_text(encoding="utf-8"), encoding="utf-8")
     folder = ROOT / "docs" / "results"
     records = [table.records.load_records(part) for part in (folder, folder / "again")]
-    table.page.write_tables(records[0], again, records[1])
-    assert again.read_text() == page.read_text()
+    table.page.write_tables(records[0], tmp_path, records[1])
+    marked.fill_pages(tmp_path, study.tables(table.records.load_records(folder / "frustum")))
+    for page in pages:
+        assert (tmp_path / page.relative_to(ROOT)).read_text() == page.read_text(), page.name
 
 
 def test_names_of_runs_are_unique(table: Any) -> None:
