@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 import tally
-import test_command_errors
+import world_fixture
 from bad_data import OUTCOME, Case, Spoil, change, check_sentence, rewrite
 from bad_files import IMAGES
 from bad_records import CALIBRATIONS, NAN, POSES
@@ -22,7 +22,7 @@ from lss_core.config import CAMERAS
 
 def complaint(said: Said) -> str:
     """The one line that a command ended with."""
-    line = test_command_errors.complaint(said)
+    line = world_fixture.complaint(said)
     check_sentence(line)
     return line
 

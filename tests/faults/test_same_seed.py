@@ -14,8 +14,10 @@ from tally import throw
 from world_fixture import NUM_TEMPLATES, TinyRun, command, train_flags
 
 from shoot.templates import TemplateSet
+from shoot.training.data import TaskData
 from shoot.training.planning.config import TrainConfig
 from shoot.training.planning.data import PlanBatch
+from shoot.training.planning.task import Planning
 
 SAME = "the same bytes"
 

@@ -11,6 +11,7 @@ from pytorch_lightning.plugins import MixedPrecision
 from world_fixture import TinyRun
 
 from shoot.training.bad_steps import clip_gradients
+from shoot.training.data import TaskData
 from shoot.training.loop import make_trainer
 from shoot.training.metrics_file import read_metrics
 from shoot.training.planning.run_folder import PlanningRun

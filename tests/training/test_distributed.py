@@ -18,6 +18,7 @@ import torch
 from world_fixture import TinyRun, call_command, command, start_beside, train_flags
 
 from shoot.training import precision
+from shoot.training.data import TaskData
 from shoot.training.loop import make_trainer
 from shoot.training.planning.run_folder import PlanningRun
 from shoot.training.planning.task import PlanningModule
