@@ -239,8 +239,7 @@ class Planner(nn.Module):
             scores * torch.exp(-self.log_temperature) if self.config.learn_temperature else scores
         )
 
-    def loss(
-        self, scores: Float[Tensor, "B K"], template_idx: Int[Tensor, "B"]
-    ) -> Float[Tensor, ""]:
+    @staticmethod
+    def loss(scores: Float[Tensor, "B K"], template_idx: Int[Tensor, "B"]) -> Float[Tensor, ""]:
         """Cross-entropy of the template nearest to what was driven (paper, section 3.3)."""
         return F.cross_entropy(scores.float(), template_idx)

@@ -6,6 +6,7 @@ from typing import Any
 import pytorch_lightning as pl
 import torch
 import torch.distributed as dist
+from jaxtyping import Float
 from torch import Tensor
 
 from lss_core.batch import Batch
@@ -28,12 +29,16 @@ class TaskModule(pl.LightningModule):
         self.config = config
         self.task = task
         self.model = make_model(config.model, config.data, task.out_channels)
-        self.add_module(task.name, task.head)
+        self.add_module(task.name, task.new_head())
         self.val_metrics = task.new_metrics()
 
     def forward(self, sensors: Batch) -> Tensor:
         """What the task reads off the map, [B, ...]."""
-        return self.task.outputs(self.model.forward_batch(sensors))
+        return self.outputs(self.model.forward_batch(sensors))
+
+    def outputs(self, maps: Float[Tensor, "B C X Y"]) -> Tensor:
+        """The same off a map that is there already."""
+        return self.task.outputs(self.get_submodule(self.task.name), maps)
 
     def on_train_start(self) -> None:
         """Look at what Lightning does not: a checkpoint's moments must be those of the weights.
@@ -54,7 +59,7 @@ class TaskModule(pl.LightningModule):
         weight = self.config.optim.depth_weight
         if weight > 0.0 and isinstance(self.model, CameraModel):
             maps, depth_prob = self.model.forward_with_depth(batch.sensors)
-            loss = self.task.loss(self.task.outputs(maps), batch)
+            loss = self.task.loss(self.outputs(maps), batch)
             config = self.model.config
             bins = batch_depth_bins(
                 batch.sensors, self.model.image_hw, config.image_stride, config.depth.depths_m

@@ -67,11 +67,6 @@ class Task(Protocol[SplitT, BatchT]):
     marks: Mapping[str, str]
     fitted_on: tuple[KnownScene, ...]
 
-    @property
-    def head(self) -> nn.Module:
-        """Its own weights; an empty module if it has none."""
-        ...
-
     # What a sample's target is
 
     def load_split(self, data: DataConfig, split: str, with_points: bool = False) -> SplitT:
@@ -88,8 +83,12 @@ class Task(Protocol[SplitT, BatchT]):
 
     # What is learned
 
-    def outputs(self, maps: Float[Tensor, "B C X Y"]) -> Tensor:
-        """What the task reads off the map, first dimension B."""
+    def new_head(self) -> nn.Module:
+        """Its own weights at their start, made after the run's seed is set; may have none."""
+        ...
+
+    def outputs(self, head: nn.Module, maps: Float[Tensor, "B C X Y"]) -> Tensor:
+        """What the task reads off the map with its weights, first dimension B."""
         ...
 
     def loss(self, outputs: Tensor, batch: BatchT) -> Float[Tensor, ""]:

@@ -9,7 +9,7 @@ from typing import Any
 import torch
 from jaxtyping import Float
 from pytorch_lightning.utilities import rank_zero_only
-from torch import Tensor
+from torch import Tensor, nn
 from torchmetrics import Metric
 
 from lss_core.batch import Batch
@@ -54,7 +54,7 @@ class Planning:
     def __init__(self, config: TrainConfig, templates: TemplateSet) -> None:
         self.templates = templates
         self._file = config.templates
-        self.head = Planner(torch.tensor(templates.points), config.model.grid, config.planner)
+        self._grid, self._reading = config.model.grid, config.planner
         self.marks: Mapping[str, str] = {_MARK: templates.sha256}
         self.fitted_on = templates.scenes
 
@@ -72,14 +72,18 @@ class Planning:
         """As one batch."""
         return collate_plans(samples)
 
-    def outputs(self, maps: Float[Tensor, "B 1 X Y"]) -> Float[Tensor, "B K"]:
+    def new_head(self) -> Planner:
+        """The templates, and what costs them beside the map."""
+        return Planner(torch.tensor(self.templates.points), self._grid, self._reading)
+
+    def outputs(self, head: nn.Module, maps: Float[Tensor, "B 1 X Y"]) -> Float[Tensor, "B K"]:
         """Scores (logits) of the templates."""
-        scores: Tensor = self.head(maps[:, 0])
+        scores: Tensor = head(maps[:, 0])
         return scores
 
     def loss(self, outputs: Float[Tensor, "B K"], batch: PlanBatch) -> Float[Tensor, ""]:
         """Cross-entropy of the template nearest to what was driven."""
-        return self.head.loss(outputs, batch.template_idx)
+        return Planner.loss(outputs, batch.template_idx)
 
     def new_metrics(self) -> PlanningMetrics:
         """Top-k accuracies in per cent, NLL in nats."""
