@@ -31,6 +31,7 @@ def render_templates(
     Args:
         templates: Waypoints (x, y) in `ego`, in metres; drawn with x up and y to the left.
         counts: Trajectories behind each template; colours the lines, the most frequent on top.
+            Where none were counted, nothing is said of them.
         dt_s: Time between waypoints.
         title: Headline.
 
@@ -54,12 +55,15 @@ def render_templates(
     bar_axes.yaxis.set_major_formatter("{x:g}")
     bar_axes.tick_params(labelsize=10)
     _draw_speeds(figure.add_axes((0.725, 0.56, 0.255, 0.35)), templates, counts, dt_s)
-    _draw_shares(figure.add_axes((0.725, 0.09, 0.255, 0.33)), counts)
+    counted = ""
+    if counts.any():
+        _draw_shares(figure.add_axes((0.725, 0.09, 0.255, 0.33)), counts)
+        counted = f", from {counts.sum():,} futures"
     horizon_s = templates.shape[1] * dt_s
     figure.text(
         0.015,
         0.985,
-        title or f"{len(templates):,} templates of {horizon_s:g} s, from {counts.sum():,} futures",
+        title or f"{len(templates):,} templates of {horizon_s:g} s{counted}",
         va="top",
         fontsize=14,
         fontweight="bold",

@@ -27,6 +27,7 @@ from shoot.report.html.markup import Html, element, join
 from shoot.report.html.style import STYLE
 from shoot.report.html.tables import difference_table, method_table, part_table
 from shoot.report.html.words import spaced, verdict
+from shoot.trajectories import HORIZON_S
 
 # The browser may fetch nothing, run nothing and send nothing, whatever stands in the page.
 POLICY: Final = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
@@ -42,6 +43,7 @@ class PageDetails:
         date: When, in words; given from outside, so that the same input gives the same page.
         checkpoint: Which weights.
         num_templates: K.
+        horizon_s: How far ahead they go.
     """
 
     run: str
@@ -49,6 +51,7 @@ class PageDetails:
     date: str
     checkpoint: str = "last"
     num_templates: int | None = None
+    horizon_s: float = HORIZON_S
 
 
 def write_page(
@@ -141,7 +144,11 @@ def _facts(report: Report, details: PageDetails) -> Html:
 def _guide(report: Report, details: PageDetails) -> Html:
     overall = report.overall
     return reading_guide(
-        details.num_templates, report.resampled, overall.num_groups, overall.methods
+        details.num_templates,
+        report.resampled,
+        overall.num_groups,
+        overall.methods,
+        details.horizon_s,
     )
 
 
@@ -208,8 +215,9 @@ def _group(
     columns: Sequence[Column],
     keys: Sequence[str],
 ) -> Html:
-    """A group's means, and its differences to be unfolded."""
-    if not any(column.key in keys for column in columns):
+    """A group's means, and its differences to be unfolded; of the metrics that there are."""
+    columns = [column for column in columns if column.key in keys]
+    if not columns:
         return _note("Not part of this report.")
     means = method_table("Means with 95 % intervals", overall.methods, columns, limits)
     if not overall.differences:
