@@ -273,7 +273,7 @@ def _last_keyframe_s(index: SampleIndex) -> Float[Array, " C"]:
 
 def _within(happens: Bool[Array, "S T"], dt_s: float) -> dict[int, Float[Array, " S"]]:
     """By horizon that is a time of the paths: 100 where it happens up to it, else 0."""
-    num_steps = {horizon_s: whole_steps(horizon_s, dt_s) for horizon_s in CHECK_HORIZONS_S}
+    num_steps = {horizon_s: whole_steps(float(horizon_s), dt_s) for horizon_s in CHECK_HORIZONS_S}
     return {
         horizon_s: 100.0 * happens[:, :num].any(axis=1)
         for horizon_s, num in num_steps.items()

@@ -105,7 +105,7 @@ def open_loop_l2(
     stride = whole_steps(L2_STEP_S, dt_s)
     errors: dict[str, Array] = {}
     for horizon_s in L2_HORIZONS_S:
-        num_steps = whole_steps(horizon_s, dt_s)
+        num_steps = whole_steps(float(horizon_s), dt_s)
         if num_steps is None or num_steps > distance_m.shape[1]:
             continue
         errors[f"l2_at_{horizon_s}s"] = distance_m[:, num_steps - 1]
