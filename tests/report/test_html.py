@@ -177,6 +177,13 @@ def test_what_is_missing_or_no_number_is_a_dash() -> None:
     assert not re.search(r"\b(nan|inf|None)\b", " ".join(page.lines))
 
 
+def test_times_that_no_template_has_stand_nowhere() -> None:
+    keys = ("top10", "nll", "l2_at_1s", "l2_at_2s", "collision_1s", "collision_2s")
+    labels = {cell.text for cell in page_of(make_report(keys=keys)).all("th")}
+    assert {"1 s", "2 s"} <= labels
+    assert not {"3 s", "5 s"} & labels
+
+
 def test_a_report_of_todays_evaluation_makes_a_page() -> None:
     """Without driver, speeds and reliability, or with them: whatever `evaluate` gives."""
     generator = np.random.default_rng(0)
