@@ -375,7 +375,9 @@ def test_nothing_is_said_of_futures_that_nobody_counted() -> None:
     templates = np.stack([straight(5.0), straight(8.0)])
     figure = render_templates(templates, np.zeros(2, int), dt_s=0.5)
     assert figure.texts[0].get_text() == "2 templates of 10 s"
-    assert not any("covered" in axes.get_ylabel() for axes in figure.axes)
+    assert not any("trajectories" in axes.get_ylabel() for axes in figure.axes)
+    named = [name for axes in figure.axes for name in axes.get_legend_handles_labels()[1]]
+    assert named == ["templates"]
 
 
 @pytest.mark.parametrize("dt_s", [0.1, 0.25, 0.3, 0.5])
