@@ -57,7 +57,7 @@ def turn_leak(config: TurnLeakConfig) -> LeakReport:
     questions = find_questions(split, Path(trained.config.data.root), config.workers)
     log_probs = predict(trained, split)
     answers = answer(questions, log_probs, trained.templates.points, split.futures.xy_m)
-    leak = report(answers, Path(config.run).name, config.split)
+    leak = report(answers, Path(config.run).name, config.split, trained.templates.horizon_s)
     leak.save(Path(config.out))
     save_figure(render_leak(leak), config.figure)
     print(format_leak(leak))

@@ -13,9 +13,9 @@ EGO_LENGTH_M = 4.1
 EGO_WIDTH_M = 1.85
 EGO_REAR_M = 1.0  # rear bumper to rear axle, which is the origin of `ego`
 
-# Below this distance between two points of a path (0.4 m/s at 0.25 s) the car stands: the direction
-# from one to the next is that of the noise in their positions.
-STANDS_STEP_M = 0.1
+# Below this speed (0.1 m in 0.25 s) the car stands: the direction from one point of a path to the
+# next is that of the noise in their positions.
+STANDS_MPS = 0.4
 
 
 def turn(vectors: Float[Array, "*#S 2"], angle_rad: Float[Array, "*#S"]) -> Float[Array, "*S 2"]:
@@ -26,7 +26,7 @@ def turn(vectors: Float[Array, "*#S 2"], angle_rad: Float[Array, "*#S"]) -> Floa
     return turned
 
 
-def headings(paths_m: Float[Array, "*S T 2"]) -> Float[Array, "*S T"]:
+def headings(paths_m: Float[Array, "*S T 2"], dt_s: float = 0.25) -> Float[Array, "*S T"]:
     """Where the car points at each point of its path, in radians to the left of the start.
 
     It is the direction from the point before to the point after (at the end: from the one before),
@@ -36,13 +36,14 @@ def headings(paths_m: Float[Array, "*S T 2"]) -> Float[Array, "*S T"]:
 
     Args:
         paths_m: Points in metres in `ego`, evenly spaced in time; the start is the origin.
+        dt_s: Time between points; the first is at `dt_s`.
     """
     points_m = np.concatenate([np.zeros_like(paths_m[..., :1, :]), paths_m], axis=-2)
     after_m = np.concatenate([points_m[..., 2:, :], points_m[..., -1:, :]], axis=-2)
     chord_m = after_m - points_m[..., :-1, :]
     num_steps = np.full(paths_m.shape[-2], 2)
     num_steps[-1:] = 1
-    moves = np.hypot(chord_m[..., 0], chord_m[..., 1]) >= STANDS_STEP_M * num_steps
+    moves = np.hypot(chord_m[..., 0], chord_m[..., 1]) >= STANDS_MPS * dt_s * num_steps
     direction_rad = direction_of(chord_m)
     heading_rad = np.zeros(paths_m.shape[:-1])
     before_rad = np.zeros(paths_m.shape[:-2])

@@ -120,11 +120,15 @@ def config_of(root: Path, version: str = VERSION) -> DataConfig:
 
 
 def label_split(
-    data: DataConfig, split: str = "val", change: Callable[[SampleIndex], SampleIndex] | None = None
+    data: DataConfig,
+    split: str = "val",
+    change: Callable[[SampleIndex], SampleIndex] | None = None,
+    **times: float,
 ) -> LabelledSplit:
     """The split, all labels 0; its index may be changed after futures are mined."""
     index = load_index(data.root, data.version, data.cameras)
-    futures = mine_futures(index, rows_of_split(index, data.root, data.version, split), "keyframes")
+    rows = rows_of_split(index, data.root, data.version, split)
+    futures = mine_futures(index, rows, "keyframes", **times)
     if change is not None:
         index = change(index)
     return LabelledSplit(index, futures, np.zeros(len(futures.sample), dtype=np.int64))

@@ -135,3 +135,13 @@ def test_footprint_turns_with_the_path(
         centres_m, heading_rad, EGO_SIZE_M, np.array(place_m), np.zeros(2), np.array([0.2, 0.2])
     )
     assert hits.tolist() == [level, turned]
+
+
+@pytest.mark.parametrize("speed_mps", [0.3, 0.6, 5.0])
+def test_the_same_path_in_finer_steps_has_the_same_headings(speed_mps: float) -> None:
+    """Whether a car stands is a matter of its speed, not of how often it is looked at."""
+    angle = speed_mps * 0.05 * np.arange(1, 101) / 8.0
+    fine_m = 8.0 * np.stack([np.sin(angle), 1.0 - np.cos(angle)], axis=-1)
+    fine_rad, coarse_rad = headings(fine_m, 0.05), headings(fine_m[4::5], 0.25)
+    np.testing.assert_allclose(fine_rad[4:-1:5], coarse_rad[:-1], atol=1e-6)
+    assert (coarse_rad == 0.0).all() == (speed_mps < 0.4)

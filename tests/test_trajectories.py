@@ -243,6 +243,22 @@ def test_mining_keyframes_counts_what_it_leaves_out(index: SampleIndex, tiny_roo
     assert index.sample_scene[futures.sample].tolist() == futures.scene.tolist()
 
 
+def test_mining_at_another_horizon_and_step(index: SampleIndex, tiny_root: Path) -> None:
+    """4 s at 10 Hz: at whole seconds where 5 s every 0.25 s are; two starts a scene more."""
+    rows = rows_of_split(index, tiny_root, VERSION, "train")
+    fine = mine_futures(index, rows, "keyframes", horizon_s=4.0, dt_s=0.1)
+    usual = mine_futures(index, rows, "keyframes")
+    assert (fine.dt_s, usual.dt_s) == (0.1, 0.25)
+    assert len(fine.xy_m) == 2 * (KEPT_A_SCENE + 2)
+    both = np.isin(fine.sample, usual.sample)
+    np.testing.assert_allclose(
+        fine.select(both).xy_m[:, 9::10], usual.xy_m[:, 3:16:4], rtol=0.0, atol=1e-9
+    )
+    # The past has times of its own.
+    for name in ("velocity_mps", "yaw_rate_radps", "past_xy_m", "past_known"):
+        np.testing.assert_array_equal(getattr(fine.select(both), name), getattr(usual, name))
+
+
 def test_mining_sweeps_uses_every_lidar_pose(index: SampleIndex, tiny_root: Path) -> None:
     rows = rows_of_split(index, tiny_root, VERSION, "train")
     futures = mine_futures(index, rows, "sweeps")

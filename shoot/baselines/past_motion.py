@@ -14,7 +14,7 @@ from torch import Tensor, nn
 
 from shoot.baselines.folds import scene_folds
 from shoot.baselines.prior import fit_prior
-from shoot.trajectories import DT_S, Futures
+from shoot.trajectories import PAST_DT_S, Futures
 
 Array = np.ndarray[Any, np.dtype[Any]]
 
@@ -149,7 +149,7 @@ def motion_inputs(futures: Futures) -> Float[Tensor, "S F"]:
     velocity_mps = futures.velocity_mps
     speed_mps = np.linalg.norm(velocity_mps, axis=1)
     until_m = np.concatenate([np.zeros((num, 1, 2)), futures.past_xy_m[:, :-1]], axis=1)
-    stepwise_mps = (until_m - futures.past_xy_m) / DT_S
+    stepwise_mps = (until_m - futures.past_xy_m) / PAST_DT_S
     change_mps = np.where(futures.past_known[..., None], stepwise_mps - velocity_mps[:, None], 0.0)
     now = np.stack(
         [speed_mps, np.arcsinh(speed_mps / _CREEPING_MPS), futures.yaw_rate_radps], axis=1

@@ -94,6 +94,7 @@ def _details(config: EvaluateConfig, trained: TrainedRun) -> PageDetails:
         date=f"{datetime.now():%Y-%m-%d %H:%M}",
         checkpoint=config.checkpoint,
         num_templates=len(trained.templates.points),
+        horizon_s=trained.templates.horizon_s,
     )
 
 

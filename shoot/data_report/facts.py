@@ -113,7 +113,7 @@ class MotionFacts:
 
 @dataclass(frozen=True)
 class FutureFacts:
-    """What has 5 s of recorded future, in scenes whose poses can be used.
+    """What has the paper's 5 s of recorded future, in scenes whose poses can be used.
 
     Attributes:
         num_labels: Keyframes, which can be trained and scored on.

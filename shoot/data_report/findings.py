@@ -15,6 +15,7 @@ from shoot.data_report.facts import (
     FutureFacts,
     LidarFacts,
 )
+from shoot.trajectories import HORIZON_S
 
 _NAMED = 3
 
@@ -79,7 +80,9 @@ def use_findings(drives: DriveFacts, futures: FutureFacts, folder: Path) -> Iter
             where = f"{num_missing} of {split.num_listed} in split '{split.name}' of splits.json"
             yield Finding("error", "scenes not in the tables", where, split.missing, num_missing)
     if not futures.num_labels:
-        text = "no keyframe has 5 s of recorded future: nothing to train on or to score"
+        text = (
+            f"no keyframe has {HORIZON_S:g} s of recorded future: nothing to train on or to score"
+        )
         yield Finding("note", "no futures", "", (text,), 1)
     if not any(split.num_scenes for split in drives.splits):
         text = f"no split names a scene that is here; name them in {folder.name}/splits.json"

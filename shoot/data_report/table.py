@@ -22,6 +22,7 @@ from shoot.data_report.facts import (
     SplitFacts,
     Spread,
 )
+from shoot.trajectories import HORIZON_S
 
 _CAMERA_COLUMNS = (
     "camera",
@@ -147,7 +148,8 @@ def _motion_facts(motion: MotionFacts) -> Iterator[tuple[str, str]]:
 
 def _future_facts(futures: FutureFacts, drives: DriveFacts) -> Iterator[tuple[str, str]]:
     manoeuvres = ", ".join(f"{count} {name}" for name, count in futures.manoeuvres.items())
-    labels = f"{futures.num_labels} of {_count(drives.num_samples, 'keyframe')} have 5 s of future"
+    keyframes = _count(drives.num_samples, "keyframe")
+    labels = f"{futures.num_labels} of {keyframes} have {HORIZON_S:g} s of future"
     yield "futures", f"{labels} ({manoeuvres})" if futures.num_labels else labels
     yield "", f"{futures.num_starts} of {_count(drives.num_poses, 'pose')} to fit templates to"
 

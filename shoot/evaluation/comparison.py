@@ -41,6 +41,9 @@ Array = np.ndarray[Any, np.dtype[Any]]
 
 logger = logging.getLogger(__name__)
 
+# From pasts, horizon and step to paths.
+_DrivingOn = Callable[[Futures, float, float], Array]
+
 
 @dataclass(frozen=True)
 class Scored:
@@ -90,6 +93,7 @@ def sum_up(run: TrainedRun, scored: Scored, split: str) -> Report:
         np.where(_is_known(samples.futures), _speed_mps(samples.futures), np.nan),
         checks,
         samples.logs,
+        run.templates.dt_s,
     )
     return replace(
         report,
@@ -205,10 +209,12 @@ def baseline_log_probs(
     speed_prior = fit_speed_prior(_speed_mps(past), known, labels, past.scene, len(points))
     blind_planner = Planner(torch.from_numpy(points), planner.grid, planner.config)
 
-    def driving_on(paths: Callable[[Futures], Array], with_prior: bool = False) -> Array:
-        asked = paths(split.futures)
+    def driving_on(paths: _DrivingOn, with_prior: bool = False) -> Array:
+        ours, asked = (
+            paths(futures, templates.horizon_s, templates.dt_s) for futures in (past, split.futures)
+        )
         return driving_on_log_prob(
-            paths(past), known, labels, asked, split_known, points, log_prior, with_prior
+            ours, known, labels, asked, split_known, points, log_prior, with_prior
         )
 
     return {
@@ -234,10 +240,10 @@ def _speed_mps(futures: Futures) -> Array:
     return speed_mps
 
 
-def _constant_velocity(futures: Futures) -> Array:
-    return constant_velocity_futures(along_heading(futures.velocity_mps))
+def _constant_velocity(futures: Futures, horizon_s: float, dt_s: float) -> Array:
+    return constant_velocity_futures(along_heading(futures.velocity_mps), horizon_s, dt_s)
 
 
-def _constant_yaw_rate(futures: Futures) -> Array:
+def _constant_yaw_rate(futures: Futures, horizon_s: float, dt_s: float) -> Array:
     velocity_mps = along_heading(futures.velocity_mps)
-    return constant_yaw_rate_futures(velocity_mps, futures.yaw_rate_radps)
+    return constant_yaw_rate_futures(velocity_mps, futures.yaw_rate_radps, horizon_s, dt_s)

@@ -18,7 +18,8 @@ Off-road within h seconds: at one of the path's times up to h one of the footpri
 lies outside the drivable area of the map. The driven path has no exemption here. Where the map has
 no drivable area at all there is no value.
 
-What cannot be told is absent, never zero: `DrivingChecks.basis` says what the rates rest on.
+What cannot be told is absent, never zero: `DrivingChecks.basis` says what the rates rest on. Nor is
+there a rate within h seconds of paths that have no point at h.
 """
 
 import logging
@@ -39,7 +40,7 @@ from shoot.evaluation.box_moments import BoxMoments, find_moments, touched
 from shoot.evaluation.check_basis import CheckBasis
 from shoot.footprint import footprint_corners, headings, turn
 from shoot.training.planning.data import LabelledSplit
-from shoot.trajectories import DT_S
+from shoot.trajectories import whole_steps
 
 Array = np.ndarray[Any, np.dtype[Any]]
 
@@ -75,7 +76,7 @@ class DrivingChecks:
 
     def __init__(self, split: LabelledSplit, data: DataConfig) -> None:
         index, self._sample = split.index, split.futures.sample
-        self._paths_shape = split.futures.xy_m.shape
+        self._paths_shape, self._dt_s = split.futures.xy_m.shape, split.futures.dt_s
         pose = index.global_from_ego[self._sample]
         self._xy_m, self._yaw_rad = pose[:, :2, 3], yaw_of(pose)
         self._location = index.scene_location[index.sample_scene[self._sample]]
@@ -101,7 +102,7 @@ class DrivingChecks:
             unknown=boxes.num_unknown,
         )
         # The sample's own moment comes first, where the driver is at the origin.
-        ahead_s = DT_S * np.arange(self._paths_shape[1] + 1)
+        ahead_s = self._dt_s * np.arange(self._paths_shape[1] + 1)
         moments = find_moments(
             boxes, scene, index.time_s[self._sample], self._xy_m, self._yaw_rad, ahead_s
         )
@@ -125,16 +126,16 @@ class DrivingChecks:
                 f"Expected paths of shape {self._paths_shape}, as the driven ones have, got "
                 f"{paths_m.shape}."
             )
-        heading_rad = headings(paths_m)
+        heading_rad = headings(paths_m, self._dt_s)
         checks: dict[str, Array] = {}
         if self._moments is not None:
             collides = self._collides(self._moments, paths_m, heading_rad)
-            for horizon_s, values in _within(collides).items():
+            for horizon_s, values in _within(collides, self._dt_s).items():
                 known = self._known_s >= horizon_s - MISSING_S - 1e-6
                 checks[f"collision_{horizon_s}s"] = np.where(known, values, np.nan)
         if self._areas is not None:
             off_road = self._is_off_road(self._areas, paths_m, heading_rad)
-            for horizon_s, values in _within(off_road).items():
+            for horizon_s, values in _within(off_road, self._dt_s).items():
                 checks[f"off_road_{horizon_s}s"] = np.where(self._has_map(), values, np.nan)
         return checks
 
@@ -162,7 +163,7 @@ class DrivingChecks:
     def _without_inexact(self, moments: BoxMoments, driven_m: Float[Array, "S T 2"]) -> BoxMoments:
         """Without the boxes that the driver overlaps, and without the samples' own moments."""
         driven_m = np.concatenate([np.zeros_like(driven_m[:, :1]), driven_m], axis=1)
-        heading_rad = headings(driven_m[:, 1:])
+        heading_rad = headings(driven_m[:, 1:], self._dt_s)
         heading_rad = np.concatenate([np.zeros_like(heading_rad[:, :1]), heading_rad], axis=1)
         hit = touched(moments, driven_m, heading_rad)
         # Pairs of sample and box as one number each.
@@ -270,9 +271,11 @@ def _last_keyframe_s(index: SampleIndex) -> Float[Array, " C"]:
     return last_s
 
 
-def _within(happens: Bool[Array, "S T"]) -> dict[int, Float[Array, " S"]]:
-    """By horizon: 100 where it happens at a time up to it, else 0."""
+def _within(happens: Bool[Array, "S T"], dt_s: float) -> dict[int, Float[Array, " S"]]:
+    """By horizon that is a time of the paths: 100 where it happens up to it, else 0."""
+    num_steps = {horizon_s: whole_steps(float(horizon_s), dt_s) for horizon_s in CHECK_HORIZONS_S}
     return {
-        horizon_s: 100.0 * happens[:, : round(horizon_s / DT_S)].any(axis=1)
-        for horizon_s in CHECK_HORIZONS_S
+        horizon_s: 100.0 * happens[:, :num].any(axis=1)
+        for horizon_s, num in num_steps.items()
+        if num is not None and num <= happens.shape[1]
     }

@@ -13,6 +13,7 @@ from shoot.metrics.bootstrap import GroupBootstrap, Interval
 from shoot.metrics.calibration import calibration_error, calibration_terms, measure_reliability
 from shoot.metrics.manoeuvres import MANOEUVRES, classify_manoeuvres
 from shoot.metrics.ranks import PerSample
+from shoot.trajectories import DT_S
 
 Array = np.ndarray[Any, np.dtype[Any]]
 
@@ -45,6 +46,7 @@ def evaluate(
     speed_mps: Float[Array, " S"],
     path_checks: PathChecks | None = None,
     logs: Shaped[Array, " S"] | None = None,
+    dt_s: float = DT_S,
 ) -> Report:
     """Score every method on the same samples, beside each other and split up.
 
@@ -52,7 +54,7 @@ def evaluate(
         log_probs: Method -> log-probabilities in nats, [S, K]; or [K] where they are the same for
             all samples. `model` is compared with every other.
         labels: Nearest template of each sample.
-        futures: Driven paths in metres in `ego`, every 0.25 s.
+        futures: Driven paths in metres in `ego`, every `dt_s`.
         templates: Templates in metres in `ego`, at the same times.
         scene_idx: Scene of each sample; intervals are over scenes, unless `logs` are given.
         conditions: Condition of each sample, see `condition_of`.
@@ -62,6 +64,7 @@ def evaluate(
             `off_road_1s`, ... in per cent; asked about the chosen template of each method and about
             the driven path.
         logs: Log of each sample, where logs hold several scenes; intervals are then over logs.
+        dt_s: Time of the first point, and between points.
 
     Raises:
         ValueError: If there are no samples, shapes do not fit, a method's values are not
@@ -75,7 +78,7 @@ def evaluate(
             f"Evaluation needs one path, scene, condition and speed for each of {num_samples} "
             f"labels, got {len(futures)}, {len(scene_idx)}, {len(conditions)} and {len(speed_mps)}."
         )
-    scorer = Scorer(labels, futures, templates, path_checks)
+    scorer = Scorer(labels, futures, templates, path_checks, dt_s)
     scores = {name: scorer.score(name, log_prob) for name, log_prob in log_probs.items()}
     nearest, driven = scorer.score_nearest(), scorer.score_driven()
     group = scene_idx if logs is None else logs

@@ -30,8 +30,9 @@ class Results:
       distance at 1 s and the mean of those until 1 s; `lon_accel_mps2`, `lat_accel_mps2`,
       `jerk_mps3`, `comfort` (%); `collision_1s`, `off_road_1s`, ... (%), only if there were checks.
 
-    A metric is a mean over the samples it applies to, NaN if there are none. A difference is over
-    the samples where it applies to both.
+    Where templates have no point at 1 s, 2 s, ..., there is no metric of that time. A metric is a
+    mean over the samples it applies to, NaN if there are none. A difference is over the samples
+    where it applies to both.
 
     Attributes:
         num_samples: Samples.

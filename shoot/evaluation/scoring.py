@@ -21,6 +21,7 @@ from shoot.metrics.ranks import (
     template_errors,
     top_templates,
 )
+from shoot.trajectories import DT_S
 
 Array = np.ndarray[Any, np.dtype[Any]]
 PathChecks = Callable[[Float[Array, "S T 2"]], PerSample]
@@ -57,6 +58,7 @@ class Scorer:
         templates: Templates in metres in `ego`.
         path_checks: Collisions and leaving the road per sample for one path per sample; without
             them these metrics are absent.
+        dt_s: Time of the first point of paths and templates, and between points.
     """
 
     def __init__(
@@ -65,11 +67,12 @@ class Scorer:
         futures: Float[Array, "S T 2"],
         templates: Float[Array, "K T 2"],
         path_checks: PathChecks | None = None,
+        dt_s: float = DT_S,
     ) -> None:
         self._labels, self._futures, self._templates = labels, futures, templates
-        self._path_checks = path_checks
+        self._path_checks, self._dt_s = path_checks, dt_s
         self._ade_m = template_ade(futures, templates)
-        self._template_comfort = measure_comfort(templates)
+        self._template_comfort = measure_comfort(templates, dt_s)
 
     def score(self, name: str, log_prob: Float[Array, "..."]) -> Scores:
         """Score one method.
@@ -119,7 +122,7 @@ class Scorer:
         metrics |= {f"min_fde_{k}": min_fde(errors, k) for k in TOP_KS}
         metrics |= {f"miss_rate_{k}": 100.0 * misses(errors, k) for k in TOP_KS}
         chosen = best[:, 0]
-        metrics |= open_loop_l2(templates[chosen], futures)
+        metrics |= open_loop_l2(templates[chosen], futures, self._dt_s)
         metrics |= {key: value[chosen] for key, value in self._template_comfort.items()}
         if self._path_checks is not None:
             metrics |= self._path_checks(templates[chosen])
@@ -138,7 +141,8 @@ class Scorer:
         """Checks and comfort of the driven paths themselves; empty if there are no checks."""
         if self._path_checks is None:
             return {}
-        return self._path_checks(self._futures) | measure_comfort(self._futures)
+        comfort = measure_comfort(self._futures, self._dt_s)
+        return self._path_checks(self._futures) | comfort
 
 
 def select_samples(metrics: PerSample, keep: Bool[Array, " S"]) -> PerSample:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from shoot.trajectories import DT_S
+from shoot.trajectories import DT_S, whole_steps
 
 Array = np.ndarray[Any, np.dtype[Any]]
 
@@ -89,10 +89,10 @@ def open_loop_l2(
         dt_s: Time of the first point, and between points.
 
     Returns:
-        `l2_at_1s`, `l2_upto_1s`, ... in metres; NaN where the paths end earlier.
+        `l2_at_1s`, `l2_upto_1s`, ... in metres: of the times at which the paths have points.
 
     Raises:
-        ValueError: If 0.5 s is no multiple of `dt_s`, or there is not one trajectory for each path.
+        ValueError: If `dt_s` is not more than 0, or there is not one trajectory for each path.
     """
     if chosen.shape != futures.shape:
         raise ValueError(
@@ -101,16 +101,15 @@ def open_loop_l2(
         )
     if not dt_s > 0.0:
         raise ValueError(f"dt_s must be more than 0 s, got {dt_s}.")
-    stride = round(L2_STEP_S / dt_s)
-    if stride < 1 or abs(stride * dt_s - L2_STEP_S) > 1e-9:
-        raise ValueError(f"L2 needs points every {L2_STEP_S} s, which is no multiple of {dt_s} s.")
-    distance_m = np.linalg.norm(chosen - futures, axis=-1)[:, stride - 1 :: stride]
+    distance_m = np.linalg.norm(chosen - futures, axis=-1)
+    stride = whole_steps(L2_STEP_S, dt_s)
     errors: dict[str, Array] = {}
     for horizon_s in L2_HORIZONS_S:
-        num_steps = round(horizon_s / L2_STEP_S)
-        if num_steps <= distance_m.shape[1]:
-            at_m, upto_m = distance_m[:, num_steps - 1], distance_m[:, :num_steps].mean(axis=1)
-        else:
-            at_m = upto_m = np.full(len(distance_m), np.nan)
-        errors |= {f"l2_at_{horizon_s}s": at_m, f"l2_upto_{horizon_s}s": upto_m}
+        num_steps = whole_steps(float(horizon_s), dt_s)
+        if num_steps is None or num_steps > distance_m.shape[1]:
+            continue
+        errors[f"l2_at_{horizon_s}s"] = distance_m[:, num_steps - 1]
+        if stride is not None:
+            upto_m = distance_m[:, stride - 1 : num_steps : stride].mean(axis=1)
+            errors[f"l2_upto_{horizon_s}s"] = upto_m
     return errors

@@ -15,6 +15,7 @@ from shoot.footprint import EGO_LENGTH_M, EGO_REAR_M, EGO_WIDTH_M
 from shoot.rendering import palette
 from shoot.rendering.line_style import driven_style
 from shoot.rendering.sample_view import FloatArray, Ranking, SampleView, from_origin
+from shoot.trajectories.poses import positions_at
 
 
 def cost_range(cost_map: Float[FloatArray, "X Y"]) -> tuple[float, float]:
@@ -175,8 +176,8 @@ def draw_driven(axes: Axes, driven: Float[FloatArray, "T 2"], dt_s: float) -> No
     """The driven path, dashed, with a tick at every full second: speed is seen as spacing."""
     path_m = from_origin(driven)
     axes.plot(path_m[:, 1], path_m[:, 0], zorder=6, gid="driven", **driven_style(2.2))
-    each = max(1, round(1.0 / dt_s))
-    seconds_m = driven[each - 1 :: each]
+    times_s = dt_s * np.arange(len(path_m))
+    seconds_m = positions_at(times_s, path_m, np.arange(1.0, times_s[-1] + 1e-9))
     axes.plot(
         seconds_m[:, 1],
         seconds_m[:, 0],

@@ -17,6 +17,7 @@ from shoot.rendering import palette
 from shoot.rendering.camera_panel import project_path
 from shoot.rendering.line_style import driven_style
 from shoot.rendering.sample_view import FloatArray, from_origin
+from shoot.trajectories import HORIZON_S
 
 _WIDTH_IN, _HEAD_IN, _FOOT_IN, _GAP_IN = 12.0, 0.45, 0.4, 0.08
 _CASING = [Stroke(linewidth=3.0, foreground="#ffffffb0"), Normal()]
@@ -78,7 +79,9 @@ def render_calibration(views: Sequence[CalibrationView], title: str) -> Figure:
     text: dict[str, Any] = {"color": palette.INK, "parse_math": False, "fontsize": 13}
     figure.text(0.008, 1.0 - 0.1 / height_in, title, va="top", fontweight="bold", **text)
     handles = [
-        Line2D([], [], label="driven in the next 5 s, on the ground", **driven_style(2.4)),
+        Line2D(
+            [], [], label=f"driven in the next {HORIZON_S:g} s, on the ground", **driven_style(2.4)
+        ),
         Line2D([], [], label="horizon by the calibration", **_HORIZON),
         Polygon([[0, 0]], fill=False, label="what the network is given", **_CROP),
     ]

@@ -31,6 +31,7 @@ def render_templates(
     Args:
         templates: Waypoints (x, y) in `ego`, in metres; drawn with x up and y to the left.
         counts: Trajectories behind each template; colours the lines, the most frequent on top.
+            Where none were counted, nothing is said of them.
         dt_s: Time between waypoints.
         title: Headline.
 
@@ -47,19 +48,19 @@ def render_templates(
         )
     figure = Figure(figsize=(10.0, 6.4), facecolor=palette.PAPER)
     map_axes = figure.add_axes((0.075, 0.09, 0.47, 0.82))
-    bar_axes = figure.add_axes((0.555, 0.09, 0.016, 0.82))
     lines = _draw_templates(map_axes, templates, counts)
-    bar = figure.colorbar(ScalarMappable(lines.norm, lines.get_cmap()), cax=bar_axes, extend="both")
-    bar.set_label("trajectories per template", fontsize=11)
-    bar_axes.yaxis.set_major_formatter("{x:g}")
-    bar_axes.tick_params(labelsize=10)
+    counted = ""
+    if counts.any():
+        _draw_bar(figure, lines)
+        counted = f", from {counts.sum():,} futures"
     _draw_speeds(figure.add_axes((0.725, 0.56, 0.255, 0.35)), templates, counts, dt_s)
-    _draw_shares(figure.add_axes((0.725, 0.09, 0.255, 0.33)), counts)
+    if counts.any():
+        _draw_shares(figure.add_axes((0.725, 0.09, 0.255, 0.33)), counts)
     horizon_s = templates.shape[1] * dt_s
     figure.text(
         0.015,
         0.985,
-        title or f"{len(templates):,} templates of {horizon_s:g} s, from {counts.sum():,} futures",
+        title or f"{len(templates):,} templates of {horizon_s:g} s{counted}",
         va="top",
         fontsize=14,
         fontweight="bold",
@@ -118,6 +119,15 @@ def _draw_templates(
     return lines
 
 
+def _draw_bar(figure: Figure, lines: LineCollection) -> None:
+    """What the colours of the templates mean."""
+    axes = figure.add_axes((0.555, 0.09, 0.016, 0.82))
+    bar = figure.colorbar(ScalarMappable(lines.norm, lines.get_cmap()), cax=axes, extend="both")
+    bar.set_label("trajectories per template", fontsize=11)
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.tick_params(labelsize=10)
+
+
 def _draw_speeds(
     axes: Axes,
     templates: Float[FloatArray, "K T 2"],
@@ -128,15 +138,15 @@ def _draw_speeds(
     steps_m = np.diff(np.concatenate([np.zeros_like(templates[:, :1]), templates], axis=1), axis=1)
     speeds_mps = np.linalg.norm(steps_m, axis=-1).sum(axis=1) / (templates.shape[1] * dt_s)
     edges = np.arange(0.0, np.ceil(float(speeds_mps.max())) + 1.5, 1.0)
-    total = max(int(counts.sum()), 1)
-    axes.hist(
-        speeds_mps,
-        bins=edges.tolist(),
-        weights=100.0 * counts / total,
-        color=palette.DRIVEN,
-        alpha=0.45,
-        label="trajectories",
-    )
+    if counts.any():
+        axes.hist(
+            speeds_mps,
+            bins=edges.tolist(),
+            weights=100.0 * counts / int(counts.sum()),
+            color=palette.DRIVEN,
+            alpha=0.45,
+            label="trajectories",
+        )
     axes.hist(
         speeds_mps,
         bins=edges.tolist(),

@@ -20,18 +20,22 @@ _RANKING_COLUMNS = (
     ("top20", "top-20, %", "{:.1f}"),
     ("nll", "NLL, nats", "{:.2f}"),
 )
-_DRIVING_COLUMNS = (
-    ("ece", "ECE\n%", "{:.1f}"),
-    ("brier", "Brier", "{:.2f}"),
-    ("expected_ade", "exp.\nADE\nm", "{:.2f}"),
-    ("min_ade_10", "min\nADE\n10, m", "{:.2f}"),
-    ("l2_at_3s", "L2 at\n3 s\nm", "{:.2f}"),
-    ("l2_upto_3s", "mean\nL2 to\n3 s, m", "{:.2f}"),
-    ("collision_3s", "crash\n3 s\n%", "{:.1f}"),
-    ("off_road_3s", "off-r.\n3 s\n%", "{:.1f}"),
-    ("comfort", "comf.\n%", "{:.0f}"),
-)
-_CHECKED = ("collision_3s", "off_road_3s")
+# The field's moment, or else the latest at which templates have a point.
+_MOMENTS_S = (3, 2, 1)
+
+
+def _driving_columns(moment_s: int) -> tuple[tuple[str, str, str], ...]:
+    return (
+        ("ece", "ECE\n%", "{:.1f}"),
+        ("brier", "Brier", "{:.2f}"),
+        ("expected_ade", "exp.\nADE\nm", "{:.2f}"),
+        ("min_ade_10", "min\nADE\n10, m", "{:.2f}"),
+        (f"l2_at_{moment_s}s", f"L2 at\n{moment_s} s\nm", "{:.2f}"),
+        (f"l2_upto_{moment_s}s", f"mean\nL2 to\n{moment_s} s, m", "{:.2f}"),
+        (f"collision_{moment_s}s", f"crash\n{moment_s} s\n%", "{:.1f}"),
+        (f"off_road_{moment_s}s", f"off-r.\n{moment_s} s\n%", "{:.1f}"),
+        ("comfort", "comf.\n%", "{:.0f}"),
+    )
 
 
 def format_table(report: Report, width: int = 80) -> str:
@@ -47,7 +51,7 @@ def format_table(report: Report, width: int = 80) -> str:
     console = Console(file=io.StringIO(), width=width, color_system=None)
     with console.capture() as captured:
         console.print(_ranking_table(report))
-        console.print(_driving_table(report.overall, report.rests_on is not None))
+        console.print(_driving_table(report))
         console.print(Text(_driving_legend(report) + "\n"))
         console.print(_parts_table(report))
     return "\n".join(line.rstrip() for line in captured.get().splitlines()).strip("\n")
@@ -76,15 +80,18 @@ def _ranking_table(report: Report) -> Table:
     return table
 
 
-def _driving_table(overall: Results, was_checked: bool) -> Table:
+def _driving_table(report: Report) -> Table:
     """Where paths were checked, rates that cannot be told are dashes."""
+    overall = report.overall
     rows = dict(overall.methods)
     if overall.driver:
         rows["driver"] = overall.driver
+    moment_s = _moment_s(overall)
+    was_checked = moment_s is not None and report.rests_on is not None
     columns = [
         column
-        for column in _DRIVING_COLUMNS
-        if (was_checked and column[0] in _CHECKED) or any(column[0] in it for it in rows.values())
+        for column in _driving_columns(moment_s or 0)
+        if (was_checked and _is_check(column[0])) or any(column[0] in it for it in rows.values())
     ]
     table = _table("Calibration, distances, safety")
     table.add_column("method", max_width=14)
@@ -101,19 +108,38 @@ def _driving_table(overall: Results, was_checked: bool) -> Table:
     return table
 
 
+def _moment_s(overall: Results) -> int | None:
+    """When distances and checks are shown; None where templates have a point at none of these."""
+    keys = _keys(overall)
+    return next((moment_s for moment_s in _MOMENTS_S if f"l2_at_{moment_s}s" in keys), None)
+
+
+def _keys(overall: Results) -> set[str]:
+    return {key for metrics in overall.methods.values() for key in metrics}
+
+
+def _is_check(key: str) -> bool:
+    return key.startswith(("collision_", "off_road_"))
+
+
 def _absent(key: str) -> str:
-    return "-" if key in _CHECKED else ""
+    return "-" if _is_check(key) else ""
 
 
 def _driving_legend(report: Report) -> str:
     overall = report.overall
-    has_checks = any(key in metrics for metrics in overall.methods.values() for key in _CHECKED)
-    checks = "; crash, off-r.: it collides, leaves the road, within 3 s" if has_checks else ""
+    moment_s, keys = _moment_s(overall), _keys(overall)
+    points = ["exp. ADE: mean over the whole distribution"]
+    if moment_s is not None:
+        points[0] += f". L2: distance of the most probable template at {moment_s} s (as UniAD)"
+    if f"l2_upto_{moment_s}s" in keys:
+        points.append("mean L2: of its distances every 0.5 s until then (as ST-P3, VAD)")
+    if any(_is_check(key) and key.endswith(f"_{moment_s}s") for key in keys):
+        points.append(f"crash, off-r.: it collides, leaves the road, within {moment_s} s")
+    points.append("comf.: its acceleration and jerk are comfortable")
     rests_on = "" if report.rests_on is None else ". ".join(report.rests_on.sentences()) + "."
     return (
-        "exp. ADE: mean over the whole distribution. L2: distance of the most probable template "
-        "at 3 s (as UniAD); mean L2: of its distances at 0.5, 1, ... 3 s (as ST-P3, VAD)"
-        f"{checks}; comf.: its acceleration and jerk are comfortable. "
+        f"{'; '.join(points)}. "
         f"The nearest template is {overall.oracle['ade'].value:.2f} m off (ADE).\n{rests_on}"
     ).rstrip("\n")
 

@@ -158,21 +158,10 @@ def test_template_file_missing_or_damaged(tiny_run: TinyRun, tmp_path: Path) -> 
     assert not (tmp_path / "run").exists()
 
 
-def other_templates(run: TinyRun, path: Path, points: Any = None, **changes: Any) -> Path:
+def other_templates(run: TinyRun, path: Path) -> Path:
     templates = TemplateSet.load(run.templates)
-    points = templates.points + np.float32(0.5) if points is None else points
-    replace(templates, points=points, **changes).save(path)
+    replace(templates, points=templates.points + np.float32(0.5)).save(path)
     return path
-
-
-def test_templates_of_another_horizon(tiny_run: TinyRun, tmp_path: Path) -> None:
-    points = TemplateSet.load(tiny_run.templates).points
-    short = other_templates(tiny_run, tmp_path / "short.npz", points[:, :12])
-    said = complaint(train(replace(tiny_run, templates=short), tmp_path / "run"))
-    assert "12 points" in said
-    assert "horizon" in said
-    slow = other_templates(tiny_run, tmp_path / "slow.npz", points, dt_s=0.5)
-    assert "0.5 s" in complaint(train(replace(tiny_run, templates=slow), tmp_path / "run"))
 
 
 def test_checkpoint_with_other_templates(spoilt: TinyRun, tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import is_dataclass, replace
 from functools import partial
 from pathlib import Path
+from types import UnionType
 from typing import Annotated, Any, get_args, get_origin
 
 import jaxtyping
@@ -95,7 +96,12 @@ IMPOSSIBLE: dict[type, dict[str, tuple[Any, ...]]] = {
         "num_nodes": COUNT,
         "seed": SEED,
     },
-    FitTemplatesConfig: {"k": COUNT, "seed": SEED},
+    FitTemplatesConfig: {
+        "k": COUNT,
+        "seed": SEED,
+        "horizon_s": (*LENGTH, 61.0, 4.1),
+        "dt_s": (*LENGTH, 11.0, 1e-9, 0.3),
+    },
     RenderConfig: {"num": COUNT},
     MakeWorldConfig: {
         "train_scenes": (-1, 701),
@@ -133,6 +139,8 @@ IMPOSSIBLE_OTHERS: list[tuple[type, str, Any]] = [
     (TrainConfig, "val_split", "train"),
     (TrainConfig, "templates", ""),
     (FitTemplatesConfig, "split", ""),
+    (FitTemplatesConfig, "vocabulary", ""),
+    (FitTemplatesConfig, "export", ""),
     (RenderConfig, "token", ""),
     (EvaluateConfig, "html", ""),
     (CheckConfig, "out", ""),
@@ -173,7 +181,7 @@ def parts_of(config_type: type) -> Iterator[type]:
 
 
 def is_number(hint: Any) -> bool:
-    if get_origin(hint) in (Annotated, tuple):
+    if get_origin(hint) in (Annotated, tuple, UnionType):  # of a union the first
         return is_number(get_args(hint)[0])
     return hint in (int, float)
 
@@ -218,6 +226,8 @@ def test_numbers_within_bounds_are_taken_and_those_beyond_are_not(data: st.DataO
     hint = hints_of(config_type)[name]
     bounds = next(extra for extra in hint.__metadata__ if isinstance(extra, Bounds))
     kind, low, high = get_args(hint)[0], bounds.low, bounds.high
+    if get_origin(kind) is UnionType:  # with None, where it may be left to others
+        kind = get_args(kind)[0]
     if kind is int:
         number = data.draw(st.integers(-(2**70), 2**70) | st.integers(int(low), int(high)))
     else:

@@ -70,6 +70,19 @@ def test_each_horizon_sees_the_road_end_in_time(tmp_path: Path) -> None:
     assert values_of_first(checks, split, straight(3.9), "off_road") == [0.0] * 4
 
 
+def test_times_without_a_point_have_no_rate(tmp_path: Path) -> None:
+    """The road ends at 26 m: on it at 2 s, off it at 3 s; the paths end before 5 s."""
+    data = config_of(write_drive(tmp_path))
+    write_road(tmp_path, [[[(-50.0, -50.0), (26.0, -50.0), (26.0, 50.0), (-50.0, 50.0)], []]])
+    for dt_s, horizons_s in ((1.0, (1, 2, 3)), (0.3, (3,)), (0.7, ())):
+        num_points = int(4.0 / dt_s)
+        split = label_split(data, horizon_s=num_points * dt_s, dt_s=dt_s)
+        checks = DrivingChecks(split, data)(split.futures.xy_m)
+        values = {name: float(value[0]) for name, value in checks.items() if "off" in name}
+        found = {1: 0.0, 2: 0.0, 3: 100.0}
+        assert values == {f"off_road_{at_s}s": found[at_s] for at_s in horizons_s}
+
+
 def test_holes_in_the_road_are_off_it(tmp_path: Path) -> None:
     data = config_of(write_drive(tmp_path))
     hole = [(8.0, 0.5), (16.0, 0.5), (16.0, 6.0), (8.0, 6.0)]

@@ -121,7 +121,7 @@ def test_a_cluster_mines_the_same_futures(cluster: str, tiny_run: TinyRun, tmp_p
     index = load_index(tiny_run.root, "v1.0-trainval", CAMERAS)
     rows = np.arange(len(index.time_s))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("shoot.trajectories._SCENES_A_JOB", 2)  # several jobs
+        patch.setattr("shoot.trajectories.mining._SCENES_A_JOB", 2)  # several jobs
         there = mine_futures(index, rows, "keyframes", cluster)
     here = mine_futures(index, rows, "keyframes")
     for field in fields(here):

@@ -71,8 +71,7 @@ class TestOpenLoopL2:
         driven = np.zeros((2, 8, 2))
         errors = open_loop_l2(driven + 1.0, driven)
         np.testing.assert_allclose(errors["l2_at_2s"], np.sqrt(2.0))
-        assert np.isnan(errors["l2_at_3s"]).all()
-        assert np.isnan(errors["l2_upto_3s"]).all()
+        assert set(errors) == {f"l2_{how}_{s}s" for how in ("at", "upto") for s in (1, 2)}
 
     def test_another_step_means_the_same_times(self):
         chosen = np.random.default_rng(3).normal(size=(5, 30, 2)).cumsum(axis=1)
@@ -80,7 +79,11 @@ class TestOpenLoopL2:
         for key, value in open_loop_l2(coarse, 0.0 * coarse, 0.5).items():
             np.testing.assert_array_equal(value, fine[key])
 
-    def test_a_step_that_misses_the_half_second_is_refused(self):
-        paths = np.zeros((1, 10, 2))
-        with pytest.raises(ValueError, match=r"no multiple of 0\.3 s"):
-            open_loop_l2(paths, paths, 0.3)
+    def test_times_between_points_have_no_errors(self):
+        """At 0.3 s only 3 s is a point; at 1 s all are, but not the half seconds before."""
+        driven = np.zeros((1, 10, 2))
+        chosen = driven + np.arange(1.0, 11.0)[:, None] * [1.0, 0.0]
+        assert open_loop_l2(chosen, driven, 0.3) == {"l2_at_3s": 10.0}
+        found = {key: float(value[0]) for key, value in open_loop_l2(chosen, driven, 1.0).items()}
+        assert found == {"l2_at_1s": 1.0, "l2_at_2s": 2.0, "l2_at_3s": 3.0}
+        assert open_loop_l2(chosen, driven, 0.7) == {}

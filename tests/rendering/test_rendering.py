@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from lss_core.config import CAMERAS
 from lss_core.grid import BevGrid
 from shoot.rendering import SampleView, palette, render_sample, render_templates, save_figure
-from shoot.rendering.bev_panel import close_extent, cost_range, draw_ego, whole_extent
+from shoot.rendering.bev_panel import close_extent, cost_range, draw_driven, draw_ego, whole_extent
 from shoot.rendering.camera_panel import project_path, project_ribbon, subdivide
 from shoot.rendering.sample_figure import camera_places
 from shoot.rendering.sample_view import from_origin, rank
@@ -369,6 +369,25 @@ def test_all_templates_are_drawn_frequent_ones_on_top() -> None:
     assert low < 0.0
     assert high > 50.0
     assert "3 templates of 5 s, from 945 futures" in figure.texts[0].get_text()
+
+
+def test_nothing_is_said_of_futures_that_nobody_counted() -> None:
+    templates = np.stack([straight(5.0), straight(8.0)])
+    figure = render_templates(templates, np.zeros(2, int), dt_s=0.5)
+    assert figure.texts[0].get_text() == "2 templates of 10 s"
+    assert not any("trajectories" in axes.get_ylabel() for axes in figure.axes)
+    named = [name for axes in figure.axes for name in axes.get_legend_handles_labels()[1]]
+    assert named == ["templates"]
+
+
+@pytest.mark.parametrize("dt_s", [0.1, 0.25, 0.3, 0.5])
+def test_marks_are_at_whole_seconds_whatever_the_step(dt_s: float) -> None:
+    way_m = 6.0 * dt_s * np.arange(1, round(3.0 / dt_s) + 1)
+    axes = Figure().add_subplot()
+    draw_driven(axes, np.stack([way_m, 0.5 * way_m], axis=-1), dt_s)
+    (marks,) = [line for line in axes.lines if line.get_gid() == "driven-seconds"]
+    np.testing.assert_allclose(marks.get_ydata(), [6.0, 12.0, 18.0], atol=1e-5)
+    np.testing.assert_allclose(marks.get_xdata(), [3.0, 6.0, 9.0], atol=1e-5)
 
 
 def test_templates_without_counts_are_refused() -> None:

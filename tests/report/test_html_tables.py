@@ -149,6 +149,13 @@ def test_a_report_of_todays_evaluation_makes_a_page() -> None:
     assert "1.79" in [line for row in rows_of(page, "model") for line in row.lines]
 
 
+def test_times_that_no_template_has_stand_nowhere() -> None:
+    keys = ("top10", "nll", "l2_at_1s", "l2_at_2s", "collision_1s", "collision_2s")
+    labels = {cell.text for cell in page_of(make_report(keys=keys)).all("th")}
+    assert {"1 s", "2 s"} <= labels
+    assert not {"3 s", "5 s"} & labels
+
+
 def test_one_scene_shows_means_without_intervals() -> None:
     page = page_of(make_report(has_bounds=False))
     assert not [node for node in page if node.attributes.get("class") in ("range", "verdict")]

@@ -86,3 +86,15 @@ def test_table_shows_what_does_not_apply_as_a_dash(case):
     text = format_table(evaluate_scene(case, 50))
     assert _driving_row(text, "model")[-3:-1] == ["-", "-"]
     assert "nan" not in text
+
+
+@pytest.mark.parametrize(
+    ("num_points", "dt_s", "shown"),
+    [(20, 0.25, "3 s"), (8, 0.25, "2 s"), (10, 0.5, "3 s"), (5, 0.4, "2 s"), (6, 0.3, None)],
+)
+def test_table_shows_the_latest_moment_that_there_is(case, num_points, dt_s, shown):
+    shorter = {name: case[name][:, :num_points] for name in ("futures", "templates")}
+    text = " ".join(format_table(evaluate(**case | shorter, dt_s=dt_s)).split())
+    said = f"L2: distance of the most probable template at {shown}"
+    assert said in text if shown else "L2" not in text
+    assert ("mean L2" in text) == (dt_s in (0.25, 0.5))

@@ -6,6 +6,7 @@ from typing import Final
 from shoot.metrics.bootstrap import NUM_DRAWS, Groups, name_groups
 from shoot.report.html.markup import Html, element, folded, join, note
 from shoot.report.html.words import spaced
+from shoot.trajectories import HORIZON_S
 
 # Methods with other names are listed without a word.
 METHOD_NOTES: Final = {
@@ -25,7 +26,11 @@ METHOD_NOTES: Final = {
 
 
 def reading_guide(
-    num_templates: int | None, resampled: Groups, num_groups: int, methods: Iterable[str]
+    num_templates: int | None,
+    resampled: Groups,
+    num_groups: int,
+    methods: Iterable[str],
+    horizon_s: float = HORIZON_S,
 ) -> Html:
     """The page's idea in a line; to be opened: its words, its limits and its methods.
 
@@ -34,6 +39,7 @@ def reading_guide(
         resampled: What intervals are over.
         num_groups: How many of them there are.
         methods: Keys of all methods.
+        horizon_s: How far ahead the templates go.
     """
     one_of = (
         "fixed trajectories" if num_templates is None else f"{num_templates} fixed trajectories"
@@ -42,9 +48,9 @@ def reading_guide(
     points = [
         _point(
             "Template",
-            f"one of {one_of} of the next five seconds, found by clustering driven paths. A method "
-            "does not draw a path; it gives each template a probability. The label is the template "
-            "nearest to the path that was driven.",
+            f"one of {one_of} of the next {horizon_s:g} s, found by clustering driven paths. A "
+            "method does not draw a path; it gives each template a probability. The label is the "
+            "template nearest to the path that was driven.",
         ),
         _point(
             "Top-k",

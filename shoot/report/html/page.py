@@ -18,6 +18,7 @@ from shoot.report.html.sections import (
     samples_section,
 )
 from shoot.report.html.style import STYLE
+from shoot.trajectories import HORIZON_S
 
 # The browser may fetch nothing, run nothing and send nothing, whatever stands in the page.
 POLICY: Final = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
@@ -33,6 +34,7 @@ class PageDetails:
         date: When, in words; given from outside, so that the same input gives the same page.
         checkpoint: Which weights.
         num_templates: K.
+        horizon_s: How far ahead they go.
     """
 
     run: str
@@ -40,6 +42,7 @@ class PageDetails:
     date: str
     checkpoint: str = "last"
     num_templates: int | None = None
+    horizon_s: float = HORIZON_S
 
 
 def write_page(
@@ -135,5 +138,9 @@ def _facts(report: Report, details: PageDetails) -> Html:
 def _guide(report: Report, details: PageDetails) -> Html:
     overall = report.overall
     return reading_guide(
-        details.num_templates, report.resampled, overall.num_groups, overall.methods
+        details.num_templates,
+        report.resampled,
+        overall.num_groups,
+        overall.methods,
+        details.horizon_s,
     )

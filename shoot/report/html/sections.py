@@ -70,8 +70,9 @@ def _group(
     columns: Sequence[Column],
     keys: Sequence[str],
 ) -> Html:
-    """A group's means, and its differences to be unfolded."""
-    if not any(column.key in keys for column in columns):
+    """A group's means, and its differences to be unfolded; of the metrics that there are."""
+    columns = [column for column in columns if column.key in keys]
+    if not columns:
         return note("Not part of this report.")
     means = method_table("Means with 95 % intervals", overall.methods, columns, limits)
     if not overall.differences:

@@ -16,6 +16,7 @@ from shoot.studies.turn_leak.scores import (
     turn_straight_score,
     way_score,
 )
+from shoot.trajectories import HORIZON_S
 
 DISTANCE_BIN_M, REACH_M = 7.5, 45.0
 
@@ -43,11 +44,11 @@ class Group:
 
 
 Filter = Callable[[Question, bool], bool]
-# Whether the way lies within 5 s is known only afterwards and may follow from what can be seen (a
-# queue on one of the ways): that group can exceed chance although nothing leaks; the first cannot.
+# Whether the way lies within the horizon is known only afterwards and may follow from what can be
+# seen (a queue on a way): that group can exceed chance although nothing leaks; the first cannot.
 GROUPS: tuple[tuple[str, Filter], ...] = (
     ("one lane, before braking", lambda q, _: q.is_single_lane and q.stage != "ego"),
-    ("one lane, before braking, way within 5 s",
+    ("one lane, before braking, way within {horizon}",
      lambda q, shown: q.is_single_lane and q.stage != "ego" and shown),
     ("one lane, before braking, others differ",
      lambda q, _: q.is_single_lane and q.stage == "others"),
@@ -79,16 +80,20 @@ class LeakReport:
         save_json(asdict(self), path)
 
 
-def report(answers: Answers, run: str, split: str) -> LeakReport:
+def report(answers: Answers, run: str, split: str, horizon_s: float = HORIZON_S) -> LeakReport:
     """Score answers by group and by distance.
 
     Args:
         answers: Of one planner.
         run: Name of what was asked.
         split: Name of the scenes.
+        horizon_s: Of the templates.
     """
     chosen = [
-        (name, [i for i, q in enumerate(answers.questions) if keep(q, bool(answers.is_shown[i]))])
+        (
+            name.format(horizon=f"{horizon_s:g} s"),
+            [i for i, q in enumerate(answers.questions) if keep(q, bool(answers.is_shown[i]))],
+        )
         for name, keep in GROUPS
     ]
     by_distance = []

@@ -20,7 +20,7 @@ from lss_core.data.usable import LeftOut, Needs, usable_rows, usable_scenes
 from lss_core.errors import DataError
 from shoot.templates import TemplateSet
 from shoot.training.split import SampleSplit
-from shoot.trajectories import DT_S, HORIZON_S, Futures, mine_futures
+from shoot.trajectories import Futures, mine_futures
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ def collate_plans(samples: Sequence[PlanBatch]) -> PlanBatch:
 
 @dataclass(frozen=True)
 class LabelledSplit(SampleSplit):
-    """The keyframes of a split that have five seconds of future and all their files.
+    """The keyframes of a split that have a whole future and all their files.
 
     Attributes:
         index: Of the data set.
@@ -100,13 +100,13 @@ def load_split(
     Args:
         data: Which data set.
         split: Which scenes.
-        templates: To label with; of the mined horizon.
+        templates: To label with; futures have their horizon and step.
         need_files: Look at calibrations, and whether the files of images or sweeps are there.
         with_points: A camera planner needs the keyframes' sweeps, too.
 
     Raises:
         DataError: If the split is unknown or empty, samples cannot be used and are not to be left
-            out, no sample has a whole future, or the templates have another time step.
+            out, or no sample has a whole future.
     """
     index = load_index(data.root, data.version, data.cameras)
     rows = rows_of_split(index, data.root, data.version, split)
@@ -135,17 +135,13 @@ def label_rows(
     Raises:
         DataError: As `load_split`.
     """
-    if abs(templates.dt_s - DT_S) > 1e-9:
-        raise DataError(
-            f"The templates have a point every {templates.dt_s:g} s, futures every {DT_S:g} s; "
-            "fit templates for this time step."
-        )
     in_scenes = usable_scenes(index, rows, data.skip_bad)
-    futures = mine_futures(index, in_scenes.rows, "keyframes")
+    horizon_s, dt_s = templates.horizon_s, templates.dt_s
+    futures = mine_futures(index, in_scenes.rows, "keyframes", horizon_s=horizon_s, dt_s=dt_s)
     if not len(futures.sample):
         raise DataError(
             f"No sample {whose}in {Path(data.root) / data.version} has a whole future, of "
-            f"{HORIZON_S:g} s."
+            f"{horizon_s:g} s."
         )
     left_out = in_scenes.left_out
     if needs is not None:

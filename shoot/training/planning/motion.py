@@ -100,8 +100,11 @@ def _past_alone(scene: NDArray[np.int64], past: dict[str, NDArray[Any]]) -> Futu
         xy_m=np.zeros((num, 0, 2)),
         scene=scene,
         sample=np.full(num, -1),
+        velocity_mps=past["velocity_mps"],
+        yaw_rate_radps=past["yaw_rate_radps"],
+        past_xy_m=past["past_xy_m"],
+        past_known=past["past_known"],
         num_left_out=0,
-        **past,
     )
 
 

@@ -1,11 +1,9 @@
-"""Templates: the K trajectories the planner chooses from, fitted by K-Means on recorded futures."""
+"""Templates: the K trajectories the planner chooses from, and the file they are kept in."""
 
 import hashlib
 import json
 import math
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, replace
-from importlib.metadata import version
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -13,18 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.metrics import pairwise_distances_argmin
 
-from lss_core.bounds import MAX_SEED
 from lss_core.data.drives import KnownScene
 from lss_core.errors import DataError
 from lss_core.files import write_atomically
 from lss_core.geometry import FloatArray
 from lss_core.npz import UNREADABLE, read_npz
-from shoot.clustering import cluster, cluster_stream
-from shoot.trajectories import DT_S, HORIZON_S, check_futures
 
 FORMAT_VERSION = 1
 # A million templates of 20 points take 160 MB; what unpacks to more is not meant well.
-_MAX_BYTES = 1 << 28
+MAX_BYTES = 1 << 28
 
 
 @dataclass(frozen=True)
@@ -53,7 +48,7 @@ class TemplateSet:
     Attributes:
         points: [K, T, 2] float32 metres; x forward, y left; the first point is at `dt_s`.
         dt_s: Time between points.
-        counts: [K] futures of the fit nearest to each.
+        counts: [K] futures nearest to each, of those they were fitted to or counted on.
         card: Provenance, JSON values only.
 
     Raises:
@@ -183,7 +178,7 @@ class TemplateSet:
         if not path.is_file():
             raise DataError(f"There is no template file '{path}'; shoot-fit-templates makes one.")
         try:
-            stored = read_npz(path, _MAX_BYTES)
+            stored = read_npz(path, MAX_BYTES)
             points, counts = stored["templates"], stored["counts"]
             dt_s, card = float(stored["dt_s"]), json.loads(str(stored["card"]))
         except UNREADABLE as error:
@@ -203,124 +198,3 @@ class TemplateSet:
         except (ValueError, TypeError) as error:
             raise DataError(f"The card of '{path}' is damaged: {error}; fit it anew.") from error
         return templates
-
-
-def fit_templates(futures: FloatArray, k: int, seed: int, dt_s: float | None = None) -> TemplateSet:
-    """K-Means centres of futures, most frequent first.
-
-    Paper: section 5.6 (K = 1000 on all ego trajectories of the training set).
-
-    Args:
-        futures: [M, T, 2] metres in the ego frame of each start.
-        k: Number of templates.
-        seed: Of the K-Means initialisation; same futures and seed, same templates.
-        dt_s: Time between their points; needed unless they are of 5 s, every 0.25 s.
-
-    Raises:
-        DataError: If there are fewer futures than templates, too few distinct ones, or futures that
-            no car can have driven.
-    """
-    _check_seed(seed)
-    dt_s = _time_step(futures, dt_s)
-    if k < 1 or k > len(futures):
-        raise DataError(
-            f"Cannot fit {k} templates to {len(futures)} trajectories; "
-            "choose a smaller k or give more scenes."
-        )
-    flat = futures.reshape(len(futures), -1)
-    distinct = len(np.unique(np.round(flat, 6), axis=0))
-    if distinct < k:
-        raise DataError(f"Only {distinct} of the trajectories differ; choose a k of at most that.")
-    clusters = cluster(flat, k, seed)
-    points = clusters.centres.reshape(k, *futures.shape[1:]).astype(np.float32)
-    fitted = TemplateSet(points=points, dt_s=dt_s, counts=np.zeros(k, dtype=np.int64))
-    counts = np.bincount(fitted.nearest(futures), minlength=k)
-    method = "K-Means, from coarse to fine"
-    return _template_set(points, dt_s, counts, seed, clusters.inertia, method)
-
-
-def fit_templates_stream(
-    chunks: Callable[[], Iterable[FloatArray]], k: int, seed: int, dt_s: float | None = None
-) -> tuple[TemplateSet, FloatArray]:
-    """Mini-batch K-Means centres of futures that need not fit into memory, most frequent first.
-
-    The card says under `inertia_given_up_at_most` by which share the inertia may be greater than
-    with `fit_templates`; see `clustering.cluster_stream`.
-
-    Args:
-        chunks: Begins the stream of [M, T, 2] chunks anew; it is read three times, and its
-            beginning once more.
-        k: Number of templates.
-        seed: Of samples and choice.
-        dt_s: Time between points of the futures; needed unless they are of 5 s, every 0.25 s.
-
-    Returns:
-        The templates; and a random sample [S, T, 2] of the futures that they were not chosen from.
-
-    Raises:
-        DataError: If there are fewer futures than templates, too few distinct ones, or futures that
-            no car can have driven.
-    """
-    _check_seed(seed)
-    first = next((chunk for chunk in chunks() if len(chunk)), None)
-    if first is None or k < 1:
-        raise DataError(
-            f"Cannot fit {k} templates to {'no' if first is None else 'any'} trajectories."
-        )
-    shape, step_s = first.shape[1:], _time_step(first, dt_s)
-
-    def flat_chunks() -> Iterator[FloatArray]:
-        for chunk in chunks():
-            check_futures(chunk, step_s)
-            if len(chunk):
-                yield chunk.reshape(len(chunk), -1)
-
-    clusters = cluster_stream(flat_chunks, k, seed)
-    points = clusters.centres.reshape(k, *shape).astype(np.float32)
-    method = "mini-batch K-Means of a stream"
-    templates = _template_set(points, step_s, clusters.counts, seed, clusters.inertia, method)
-    card = templates.card | {"inertia_given_up_at_most": clusters.given_up}
-    return replace(templates, card=card), clusters.sample.reshape(-1, *shape)
-
-
-def _check_seed(seed: int) -> None:
-    if not 0 <= seed <= MAX_SEED:
-        raise DataError(f"The seed must lie in 0 to {MAX_SEED}, got {seed}.")
-
-
-def _time_step(futures: FloatArray, dt_s: float | None) -> float:
-    """Time between points of futures: as given, or as futures are mined."""
-    if dt_s is None:
-        num_points = round(HORIZON_S / DT_S)
-        if futures.ndim == 3 and futures.shape[1] != num_points:
-            raise DataError(
-                f"Futures of {futures.shape[1]} points are not those of {HORIZON_S:g} s every "
-                f"{DT_S:g} s, which have {num_points}; say the time between their points (dt_s)."
-            )
-        dt_s = DT_S
-    check_futures(futures, dt_s)
-    return dt_s
-
-
-def _template_set(
-    points: NDArray[np.float32],
-    dt_s: float,
-    counts: NDArray[np.int64],
-    seed: int,
-    inertia_m2: float,
-    method: str,
-) -> TemplateSet:
-    order = np.argsort(-counts, kind="stable")
-    return TemplateSet(
-        points=points[order],
-        dt_s=dt_s,
-        counts=counts[order],
-        card={
-            "k": len(points),
-            "seed": seed,
-            "method": method,
-            "num_futures": int(counts.sum()),
-            "inertia_m2": inertia_m2,
-            "libraries": {name: version(name) for name in ("numpy", "scikit-learn")},
-        },
-    )
