@@ -105,11 +105,11 @@ def test_moving_the_ego_frame_by_whole_cells_moves_the_map() -> None:
     """Symmetry 3 of the paper, for moves that keep cells whole."""
     images, intrinsics, poses = _rig()
     model = _model()
-    expected = model.splat(images, intrinsics, poses, _mask(images))
+    expected = model.bev_features(images, intrinsics, poses, _mask(images))
     moved = poses.clone()
     moved[..., 0, 3] += 3.0
     moved[..., 1, 3] -= 2.0
-    result = model.splat(images, intrinsics, moved, _mask(images))
+    result = model.bev_features(images, intrinsics, moved, _mask(images))
     assert expected[..., :-3, 2:].abs().max() > 1e-3
     close = torch.isclose(result[..., 3:, :-2], expected[..., :-3, 2:], atol=1e-5)
     # Rounding may carry a point that lies on a cell's border over it, not more than that.
@@ -123,8 +123,8 @@ def test_turning_the_ego_frame_by_a_right_angle_turns_the_map() -> None:
     quarter = torch.tensor(
         [[0.0, -1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
     )
-    expected = model.splat(images, intrinsics, poses, _mask(images))
-    result = model.splat(images, intrinsics, quarter @ poses, _mask(images))
+    expected = model.bev_features(images, intrinsics, poses, _mask(images))
+    result = model.bev_features(images, intrinsics, quarter @ poses, _mask(images))
     close = torch.isclose(result, expected.rot90(1, (-2, -1)), atol=1e-5)
     assert close.float().mean() > 0.995
     assert torch.isclose(result, expected, atol=1e-5).float().mean() < 0.9
@@ -198,9 +198,9 @@ def test_an_unchanged_calibration_is_not_indexed_again() -> None:
 def test_the_splat_is_float32_under_mixed_precision() -> None:
     images, intrinsics, poses = _rig()
     model = _model()
-    expected = model.splat(images, intrinsics, poses, _mask(images))
+    expected = model.bev_features(images, intrinsics, poses, _mask(images))
     with torch.autocast("cpu", dtype=torch.bfloat16):
-        result = model.splat(images, intrinsics, poses, _mask(images))
+        result = model.bev_features(images, intrinsics, poses, _mask(images))
     assert result.dtype == torch.float32
     assert (result - expected).abs().max() < 0.05 * expected.abs().max()
 
