@@ -52,6 +52,8 @@ class ImageEncoder(nn.Module):
 
     mean: Tensor
     std: Tensor
+    learns_depth = True
+    freezes_backbone = False
 
     def __init__(
         self,
