@@ -119,6 +119,11 @@ class RunConfig:
                     f"{name} is {side}, but must be a multiple of image_stride, "
                     f"{self.model.image_stride}."
                 )
+        if self.optim.depth_weight > 0.0 and self.model.lift != "depth":
+            raise SettingError(
+                f"depth_weight is {self.optim.depth_weight:g}, but must be 0 with lift "
+                f"'{self.model.lift}', which learns no depth."
+            )
         if self.optim.depth_weight > 0.0 and len(self.model.depth.depths_m) < 2:
             raise SettingError(
                 "There is one depth, but depth_weight needs two or more to tell apart; choose a "
