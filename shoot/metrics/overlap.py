@@ -36,7 +36,7 @@ def count_by_probability(
 
 
 def count_overlap(counts: Shaped[Array, "*S J 2"]) -> Shaped[Array, "*S 3"]:
-    """Cells said and true, said only, true only, where said means at least `THRESHOLD`.
+    """True positives, false positives and false negatives, where `THRESHOLD` or more is positive.
 
     Args:
         counts: As `count_by_probability` gives them; an even number of bins.
