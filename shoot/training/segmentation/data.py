@@ -105,10 +105,35 @@ def load_segments(
         DataError: If the split is unknown or empty, samples cannot be used and are not to be left
             out, or what a class is made of is not there.
     """
-    root = Path(data.root)
-    index = load_index(root, data.version, data.cameras)
-    needs = Needs.of_planner(data.lidar_scans, with_points)
-    rows = rows_of_split(index, root, data.version, split)
+    index = load_index(data.root, data.version, data.cameras)
+    rows = rows_of_split(index, data.root, data.version, split)
+    return label_segments(index, rows, data, grid, classes, rule, with_points)
+
+
+def label_segments(
+    index: SampleIndex,
+    rows: NDArray[np.int64],
+    data: DataConfig,
+    grid: BevGrid,
+    classes: tuple[str, ...],
+    rule: str = "centre",
+    with_points: bool = False,
+) -> SegmentSplit:
+    """Those of some samples that can be used, and their labels.
+
+    Args:
+        index: Of the data set.
+        rows: Its samples, in the order of `rows_of_split`.
+        data: Where it is, and whether bad samples are left out.
+        grid: As for `load_segments`, and so is all that follows.
+        classes: The same.
+        rule: The same.
+        with_points: The same.
+
+    Raises:
+        DataError: As `load_segments`.
+    """
+    root, needs = Path(data.root), Needs.of_planner(data.lidar_scans, with_points)
     seen = _seen(index, rows)
     usable = usable_rows(index, root, seen, data.skip_bad, needs)
     labels = LabelReader(index, root, data.version, usable.rows, grid, classes, rule)
