@@ -49,17 +49,23 @@ class Place:
     """Where everything is.
 
     Attributes:
-        folder: World and runs, and what else they need.
+        folder: World, and what else all runs need.
         records: What finished runs leave behind.
+        group: Folder of the runs inside it.
     """
 
     folder: Path
     records: Path
+    group: str = ""
 
     @property
     def world(self) -> Path:
         """The data set."""
         return self.folder / "world"
+
+    def run(self, experiment: Experiment) -> Path:
+        """The run's folder."""
+        return self.folder / self.group / experiment.name
 
     def record(self, experiment: Experiment) -> Path:
         """The record of a run."""
@@ -135,7 +141,7 @@ class _Queue:
     def run(self, experiment: Experiment) -> bool:
         """Train and evaluate, as far as that is left to do; whether it went well."""
         place = self._place
-        folder = place.folder / experiment.name
+        folder = place.run(experiment)
         folder.mkdir(parents=True, exist_ok=True)
         trained_in, evaluated_in = folder / "training_time.json", folder / "evaluation_time.json"
         if not trained_in.exists():

@@ -1,20 +1,16 @@
 """What the planners of Table 6 and its kin are trained on, and what the queue does with each."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
+from data_set import make_data
 from run_queue import Experiment, Kind, Place
 from run_queue import run_all as run_queue
 
-from lss_core.data.splits import official_scenes
-from lss_core.files import write_atomically
-from planning_table.experiments import HALF
 from planning_table.records import record_of
 from shoot.cli.fit_templates import DataSource, FitTemplatesConfig, fit
-from shoot.world.config import VERSION, MakeWorldConfig
-from shoot.world.writer import make_world
+from shoot.world.config import VERSION
 
 
 def templates_of(place: Place) -> Path:
@@ -48,7 +44,7 @@ def prepare(
     workers: int,
     sweeps: Literal["keyframes", "all"] = "all",
 ) -> None:
-    """Make the data set, its splits and the templates, unless they are there.
+    """Make the data set and the templates, unless they are there; see `data_set.make_data`.
 
     Args:
         place: Where to.
@@ -58,28 +54,7 @@ def prepare(
         workers: Processes.
         sweeps: Which sweeps get files; planners that read several scans need all.
     """
-    make_world(
-        MakeWorldConfig(
-            out=place.world,
-            train_scenes=train_scenes,
-            val_scenes=val_scenes,
-            image_scale=0.11,
-            scenes_per_town=2,
-            tail_s=5.0,
-            sweeps=sweeps,
-            lidar_azimuths=128,
-            workers=workers,
-        )
-    )
-    train = official_scenes(VERSION, "train")[:train_scenes]
-    splits = {
-        "train": train,
-        "val": official_scenes(VERSION, "val")[:val_scenes],
-        HALF: train[: -(-train_scenes // 2)],
-    }
-    with write_atomically(place.world / VERSION / "splits.json") as stream:
-        stream.write(json.dumps(splits).encode())
-    if not templates_of(place).exists():
-        fit(
-            FitTemplatesConfig(DataSource(str(place.world), VERSION), str(templates_of(place)), k=k)
-        )
+    make_data(place.world, train_scenes, val_scenes, workers, sweeps)
+    templates = templates_of(place)
+    if not templates.exists():
+        fit(FitTemplatesConfig(DataSource(str(place.world), VERSION), str(templates), k=k))
