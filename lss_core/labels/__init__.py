@@ -1,4 +1,4 @@
-"""What is around the car, cell by cell: labels from annotated boxes and the map (section 5.1)."""
+"""What is around the car, cell by cell: labels from annotated boxes and the map (section 5)."""
 
 from typing import TYPE_CHECKING, Any
 

@@ -20,7 +20,7 @@ def is_of_class(category: str, object_class: str) -> bool:
 
     A vehicle is all that nuScenes calls `vehicle.*`, bicycles and motorcycles among them.
 
-    Paper: section 5.1.
+    Paper: section 5.
     """
     name = plain_name(category)
     if object_class == "car":

@@ -20,7 +20,7 @@ from lss_core.labels.shapes import Shapes, quadrangles
 class LabelReader:
     """Makes the labels of samples, from boxes and maps that are read once; can be pickled.
 
-    Paper: section 5.1. Deviation: classes, widths and borders, see docs/deviations.md.
+    Paper: section 5. Deviation: classes, widths and borders, see docs/deviations.md.
 
     Args:
         index: Of the data set.
