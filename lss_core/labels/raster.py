@@ -54,22 +54,18 @@ def fill_centres(shapes: Shapes, num_cells: tuple[int, int]) -> Mask:
 
 
 def fill_rounded(shapes: Shapes, num_cells: tuple[int, int]) -> Mask:
-    """[X, Y] 1 in what OpenCV fills of the polygons' rounded corners, less the holes of each.
+    """[X, Y] 1 in what OpenCV fills of the polygons' rounded corners, less their holes.
+
+    Borders are filled, those of holes, too.
 
     Args:
         shapes: Polygons, in cells.
         num_cells: (X, Y).
     """
     mask: Mask = np.zeros(num_cells, dtype=np.uint8)
+    # One by one: where two of a single call overlap, OpenCV would leave a hole.
     for number in range(len(shapes)):
-        outline, *holes = [_rounded(ring) for ring in shapes.rings(number)]
-        # A hole is of its own polygon: in that of one another may lie.
-        target = np.zeros_like(mask) if holes else mask
-        cv2.fillPoly(target, [outline], 1)
-        for hole in holes:
-            cv2.fillPoly(target, [hole], 0)
-        if holes:
-            mask |= target
+        cv2.fillPoly(mask, [_rounded(ring) for ring in shapes.rings(number)], 1)
     return mask
 
 

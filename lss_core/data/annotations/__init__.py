@@ -1,1 +1,1 @@
-"""What people annotated, for evaluation: boxes and where cars may drive."""
+"""What people annotated, for labels and evaluation: boxes, where cars may drive, dividers."""

@@ -121,7 +121,7 @@ TABLES: dict[type[Record], str] = {
     Sensor: "sensor",
 }
 
-# Read for evaluation only; a data set may lack them.
+# Read for labels and evaluation only; a data set may lack them.
 ANNOTATION_TABLES: dict[type[Record], str] = {
     Annotation: "sample_annotation",
     Category: "category",
