@@ -2,7 +2,7 @@
 
 import csv
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -130,7 +130,7 @@ class Brightness:
 def lit_config(tiny_run: TinyRun, out: Path, steps: int) -> RunConfig:
     """The tiny run's, without what only planners know."""
     planning = TrainConfig.load(tiny_run.folder / "config.yaml")
-    own = {name: getattr(planning, name) for name in RunConfig.__dataclass_fields__}
+    own = {one.name: getattr(planning, one.name) for one in fields(RunConfig)}
     optim = replace(planning.optim, steps=steps, learning_rate=0.01)
     return RunConfig(**own | {"out": str(out), "optim": optim, "val_every": 4})
 
