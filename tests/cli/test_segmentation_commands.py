@@ -66,7 +66,7 @@ def test_scenes_of_the_training_are_scored_on_demand_only(
     assert not out.exists()
     said = command(*seen, "--allow-seen-scenes")
     assert said.status == 0, said.err
-    assert "2 SEEN in training" in said.out
+    assert "2 SEEN in training" in " ".join(said.out.split())
     assert json.loads(out.read_text())["num_seen_scenes"] == 2
     # Without its list, and without the baseline's file, it is still scored.
     said = command("shoot-evaluate", folder, "--out", out, "--allow-seen-scenes")
