@@ -111,4 +111,4 @@ def _from_bin_on(counts: Shaped[Array, "*S J 2"]) -> Shaped[Array, "*S J 2"]:
 def _per_cent(part: ArrayLike, whole: ArrayLike) -> Array:
     # Sums over all axes come as numbers, not as arrays.
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(100.0 * np.asarray(part, dtype=np.float64) / whole)
+        return np.asarray(100.0 * np.divide(part, whole))

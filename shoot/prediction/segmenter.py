@@ -77,7 +77,6 @@ def segment_batches(
     return read_batches(run.task, run.config, split, positions, run.device)
 
 
-@torch.no_grad()
 def predict_maps(
     run: TrainedSegmenter, split: SegmentSplit
 ) -> Iterator[tuple[SegmentBatch, Float[Tensor, "B C X Y"]]]:
@@ -92,7 +91,9 @@ def predict_maps(
     """
     with progress("Predicting samples", len(split)) as advance:
         for batch in segment_batches(run, split, np.arange(len(split))):
-            prob = run.module(batch.sensors).sigmoid()
+            # Here, not around what is yielded: that is the caller's.
+            with torch.no_grad():
+                prob = run.module(batch.sensors).sigmoid()
             if not prob.isfinite().all():
                 raise DataError(
                     "The network gives no finite map: its training has diverged; train it with a "

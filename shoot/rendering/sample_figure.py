@@ -37,7 +37,7 @@ def render_sample(view: SampleView) -> Figure:
     map forward is up and left is left. Save it with `save_figure`.
     """
     ranking = rank(view)
-    image_hw = view.images.shape[1:3]
+    image_hw = (int(view.images.shape[1]), int(view.images.shape[2]))
     laid_out = lay_out_cameras(
         view.camera_names, image_hw, view.title, view.caption, rest_in=MAP_IN + 0.88
     )

@@ -35,7 +35,7 @@ def render_segmentation(view: SegmentationView) -> Figure:
     A dot lies on the ground (z = 0 in `ego`) in the centre of each cell that is said to be of a
     class. In the predicted map colours fade with the probability. Forward is up, left is left.
     """
-    image_hw = view.images.shape[1:3]
+    image_hw = (int(view.images.shape[1]), int(view.images.shape[2]))
     laid_out = lay_out_cameras(
         view.camera_names, image_hw, view.title, view.caption, rest_in=0.3 + MAP_IN + 0.95
     )

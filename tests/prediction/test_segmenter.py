@@ -20,6 +20,8 @@ def test_maps_are_probabilities_of_each_sample_by_itself(tiny_segmenter: TinySeg
     np.testing.assert_array_equal(rows.numpy(), split.rows)
     prob = torch.cat([prob for _, prob in found])
     assert prob.shape == (len(split), len(run.config.classes), *run.config.model.grid.shape)
+    assert not prob.requires_grad
+    assert torch.is_grad_enabled()
     assert prob.min() >= 0.0
     assert prob.max() <= 1.0
     last = len(split) - 1

@@ -61,3 +61,9 @@ def test_ramps_change_lightness_one_way(ramp: object, deficiency: str) -> None:
     lightness = [lab(ramp(value), deficiency)[0] for value in np.linspace(0, 1, 9)]  # type: ignore[operator]
     steps = np.diff(lightness)
     assert (steps > 1.0).all() or (steps < -1.0).all()
+
+
+@pytest.mark.parametrize("deficiency", ["none", "protanopia", "deuteranopia"])
+def test_classes_of_a_map_differ_for_colour_blind_people(deficiency: str) -> None:
+    for one, other in itertools.combinations([*palette.CLASSES.values(), palette.PAPER], 2):
+        assert np.linalg.norm(lab(one, deficiency) - lab(other, deficiency)) > 25.0

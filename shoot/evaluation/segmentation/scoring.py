@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from lss_core.errors import DataError
 from lss_core.legible import legible
 from shoot.evaluation.report import condition_of
@@ -11,6 +13,10 @@ from shoot.evaluation.segmentation.summary import summarise
 from shoot.prediction.segmenter import TrainedSegmenter, predict_maps
 from shoot.training.run_scenes import RunScenes, count_seen
 from shoot.training.segmentation.data import SegmentSplit
+from shoot.training.segmentation.label_frequency import load_frequency
+
+# The mean label of each cell in training, whatever the sensors see.
+PRIOR_MAP = "prior_map"
 
 
 def score_segmentation(
@@ -30,10 +36,15 @@ def score_segmentation(
     num_seen = _count_seen(run, samples, allow_seen_scenes)
     classes, grid = run.config.classes, run.config.model.grid
     index = samples.index
-    counter = CellCounter(samples.scene_rows, len(classes), grid)
+    shape = (len(classes), *grid.shape)
+    frequency = load_frequency(run.folder.folder, shape)
+    counter, of_prior = (CellCounter(samples.scene_rows, len(classes), grid) for _ in range(2))
     for batch, probabilities in predict_maps(run, samples):
         scenes = index.sample_scene[batch.sensors.sample_idx.cpu().numpy()]
-        counter.add(probabilities.float().cpu().numpy(), batch.labels.cpu().numpy(), scenes)
+        labels = batch.labels.cpu().numpy()
+        counter.add(probabilities.float().cpu().numpy(), labels, scenes)
+        if frequency is not None:
+            of_prior.add(np.broadcast_to(frequency, labels.shape), labels, scenes)
     counts = counter.counts()
     report = summarise(
         counts,
@@ -43,6 +54,7 @@ def score_segmentation(
         [str(name) for name in index.scene_name[counts.scene]],
         [condition_of(str(text)) for text in index.scene_description[counts.scene]],
         None if samples.logs is None else [str(log) for log in index.scene_log[counts.scene]],
+        baselines={} if frequency is None else {PRIOR_MAP: of_prior.counts()},
         rule=run.config.rule,
     )
     return replace(report, num_bad_samples=len(samples.left_out), num_seen_scenes=num_seen)

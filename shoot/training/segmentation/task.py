@@ -24,6 +24,7 @@ from shoot.training.segmentation.data import (
     collate_segments,
     load_segments,
 )
+from shoot.training.segmentation.label_frequency import mean_labels, save_frequency
 from shoot.training.segmentation.running_overlap import RunningOverlap
 from shoot.training.task import Best
 
@@ -108,7 +109,8 @@ class Segmentation:
             raise DataError(f"{name} was trained for {what}, not for the classes {wanted}.")
 
     def save_training(self, folder: Path, split: SegmentSplit) -> None:
-        """Nothing: no baseline is fitted to its samples."""
+        """How often each cell is of each class: the baseline that sees nothing."""
+        save_frequency(mean_labels(split), folder)
 
     def trained_on(self, folder: Path) -> tuple[KnownScene, ...]:
         """None: there are no such runs without a list of their scenes."""
