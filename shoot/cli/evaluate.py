@@ -68,6 +68,7 @@ def evaluate(config: EvaluateConfig) -> Report:
         config.data.version,
         config.templates,
         config.data.skip_bad,
+        config.data.cameras,
     )
     keep_freed_memory()
     scored = score(trained, config.split, config.fast, config.allow_seen_scenes)

@@ -54,6 +54,7 @@ def open_run(
     version: str | None = None,
     templates: str | None = None,
     skip_bad: bool = False,
+    cameras: tuple[str, ...] | None = None,
 ) -> TrainedRun:
     """Load a run's config, templates and weights.
 
@@ -64,6 +65,7 @@ def open_run(
         version: Version, if not the one it was trained on.
         templates: Template file, if not the run's own copy; must be the same templates.
         skip_bad: Leave out samples that cannot be used, also if the run did not.
+        cameras: Channels, if not those it was trained on; of any number.
 
     Raises:
         DataError: If something is missing or does not fit together.
@@ -75,6 +77,8 @@ def open_run(
         root=root or config.data.root,
         version=version or config.data.version,
         skip_bad=skip_bad or config.data.skip_bad,
+        cameras=cameras or config.data.cameras,
+        drop_cameras=0,  # what training hides, of how many there were then
     )
     # The weights come from the checkpoint.
     model = replace(config.model, pretrained="none")
