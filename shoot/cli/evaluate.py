@@ -82,6 +82,7 @@ def _evaluate_segmentation(config: EvaluateConfig) -> SegmentationReport:
         config.data.root,
         config.data.version,
         config.data.skip_bad,
+        config.data.cameras,
     )
     keep_freed_memory()
     samples = trained.task.load_split(trained.config.data, config.split)
@@ -99,6 +100,7 @@ def _evaluate_planner(config: EvaluateConfig) -> Report:
         config.data.version,
         config.templates,
         config.data.skip_bad,
+        config.data.cameras,
     )
     keep_freed_memory()
     scored = score(trained, config.split, config.fast, config.allow_seen_scenes)

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from lss_core.bounds import Count, check_settings
-from lss_core.config import DataConfig
+from lss_core.config import DataConfig, check_cameras
 from lss_core.data.samples import SampleIndex, load_index, rows_of_split
 from lss_core.data.tables.file_names import is_plain
 from lss_core.data.usable import LEFT_OUT, Needs, save_left_out
@@ -37,16 +37,21 @@ class OtherData:
     Attributes:
         root: Data root; the run's own if not given.
         version: Version of the tables; the run's own if not given.
+        cameras: Channels that the planner is to see, any number of them; the run's own if not
+            given.
         skip_bad: Leave out samples whose files are absent or damaged, or whose calibration or poses
             cannot be, count and list them.
     """
 
     root: str | None = None
     version: str | None = None
+    cameras: tuple[str, ...] | None = None
     skip_bad: bool = False
 
     def __post_init__(self) -> None:
         check_settings(self)
+        if self.cameras is not None:
+            check_cameras(self.cameras)
 
 
 @dataclass(frozen=True)
@@ -94,6 +99,7 @@ def render(config: RenderConfig) -> list[Path]:
         config.data.root,
         config.data.version,
         skip_bad=config.data.skip_bad,
+        cameras=config.data.cameras,
     )
     data = trained.config.data
     index, rows = _rows(data, config)
@@ -114,6 +120,7 @@ def _render_segmentation(config: RenderConfig) -> list[Path]:
         config.data.root,
         config.data.version,
         config.data.skip_bad,
+        config.data.cameras,
     )
     told = trained.config
     index, rows = _rows(told.data, config)

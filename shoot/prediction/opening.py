@@ -19,7 +19,13 @@ from shoot.training.task import BatchT, SplitT, Task
 ModuleT = TypeVar("ModuleT", bound=TaskModule)
 
 
-def to_read_now(config: ConfigT, root: str | None, version: str | None, skip_bad: bool) -> ConfigT:
+def to_read_now(
+    config: ConfigT,
+    root: str | None,
+    version: str | None,
+    skip_bad: bool,
+    cameras: tuple[str, ...] | None,
+) -> ConfigT:
     """A run's config with the data it is to read now; its weights come from the run.
 
     Args:
@@ -27,12 +33,15 @@ def to_read_now(config: ConfigT, root: str | None, version: str | None, skip_bad
         root: Data root, if not the one it was trained on.
         version: Version, if not the one it was trained on.
         skip_bad: Leave out samples that cannot be used, also if the run did not.
+        cameras: Channels, if not those it was trained on.
     """
     data = replace(
         config.data,
         root=root or config.data.root,
         version=version or config.data.version,
         skip_bad=skip_bad or config.data.skip_bad,
+        cameras=cameras or config.data.cameras,
+        drop_cameras=0,  # what training hides, of how many there were then
     )
     return replace(config, data=data, model=replace(config.model, pretrained="none"))
 

@@ -53,6 +53,7 @@ def open_run(
     version: str | None = None,
     templates: str | None = None,
     skip_bad: bool = False,
+    cameras: tuple[str, ...] | None = None,
 ) -> TrainedRun:
     """Load a run's config, templates and weights.
 
@@ -63,12 +64,13 @@ def open_run(
         version: Version, if not the one it was trained on.
         templates: Template file, if not the run's own copy; must be the same templates.
         skip_bad: Leave out samples that cannot be used, also if the run did not.
+        cameras: Channels, if not those it was trained on; of any number.
 
     Raises:
         DataError: If something is missing or does not fit together.
     """
     run = PlanningRun(Path(folder))
-    config = to_read_now(run.config(), root, version, skip_bad)
+    config = to_read_now(run.config(), root, version, skip_bad, cameras)
     template_set = TemplateSet.load(templates) if templates else run.templates()
     module = load_module(run, checkpoint, lambda: PlanningModule(config, template_set))
     return TrainedRun(config, template_set, module, run)

@@ -50,6 +50,7 @@ def open_segmenter(
     root: str | None = None,
     version: str | None = None,
     skip_bad: bool = False,
+    cameras: tuple[str, ...] | None = None,
 ) -> TrainedSegmenter:
     """Load a run's config and weights.
 
@@ -59,12 +60,13 @@ def open_segmenter(
         root: Data root, if not the one it was trained on.
         version: Version, if not the one it was trained on.
         skip_bad: Leave out samples that cannot be used, also if the run did not.
+        cameras: Channels, if not those it was trained on.
 
     Raises:
         DataError: If something is missing or does not fit together, or it is a run of another task.
     """
     run = RunFolder(Path(folder))
-    config = to_read_now(run.read_config(SegmentConfig), root, version, skip_bad)
+    config = to_read_now(run.read_config(SegmentConfig), root, version, skip_bad, cameras)
     return TrainedSegmenter(
         config, load_module(run, checkpoint, lambda: SegmentationModule(config)), run
     )

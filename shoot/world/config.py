@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from lss_core.bounds import Bounds, Seed, SettingError, Workers, check_settings
+from shoot.world.sensing.rig_plans import LIDAR_PERIOD_S, RIG_PLANS, RigName
 
 VERSION = "v1.0-trainval"
 CARD = "world.json"
@@ -26,7 +27,9 @@ class MakeWorldConfig:
         train_scenes: Scenes of the official `train` split (at most 700).
         val_scenes: Scenes of the official `val` split (at most 150), one town each.
         seed: The same seed gives the same bytes.
-        image_scale: Size of the images as a share of 1600 x 900.
+        rig: Whose car drives: with nuScenes' six cameras of 1600 x 900, or with the seven of
+            1920 x 1080 of Lyft Level 5, one of which looks ahead through a long lens.
+        image_scale: Size of the images as a share of the rig's.
         sweeps: Which lidar sweeps get files: those of keyframes, or all outside the tail (ten
             times as many; planners that read several scans need them).
         workers: Processes; changes nothing but the time it takes.
@@ -44,6 +47,7 @@ class MakeWorldConfig:
     train_scenes: Annotated[int, Bounds(0, MAX_TRAIN_SCENES)] = 40
     val_scenes: Annotated[int, Bounds(0, MAX_VAL_SCENES)] = 10
     seed: Seed = 0
+    rig: RigName = "nuscenes"
     image_scale: ImageScale = 0.25
     sweeps: Literal["keyframes", "all"] = "keyframes"
     workers: Workers = 2
@@ -56,9 +60,10 @@ class MakeWorldConfig:
 
     def __post_init__(self) -> None:
         check_settings(self)
-        if self.tail_s > self.duration_s - 0.1:
+        shortest_s = (RIG_PLANS[self.rig].first_turn + 1) * LIDAR_PERIOD_S
+        if self.tail_s > self.duration_s - shortest_s:
             raise SettingError(
-                f"tail_s is {self.tail_s:g}, but must be 0.1 s less than duration_s, "
+                f"tail_s is {self.tail_s:g}, but must be {shortest_s:g} s less than duration_s, "
                 f"{self.duration_s:g}, or shorter."
             )
         if self.train_scenes + self.val_scenes == 0:
@@ -68,6 +73,8 @@ class MakeWorldConfig:
         """The settings that decide what is written (where and how it is does not)."""
         settings = asdict(self)
         del settings["out"], settings["workers"], settings["dask"]
+        if self.rig == "nuscenes":  # as on the cards of worlds from before there was a choice
+            del settings["rig"]
         return {"world_format": WORLD_FORMAT, **settings}
 
     def azimuths(self) -> int:

@@ -15,7 +15,7 @@ from shoot.world.nuscenes.map_masks import write_mask
 from shoot.world.nuscenes.tables import fixed_tables
 from shoot.world.nuscenes.tiling import LOCATIONS
 from shoot.world.orders import TownOrder
-from shoot.world.sensing.rig import CAMERA_PLANS
+from shoot.world.sensing.rig_plans import RigPlan
 
 PARTS = ".parts"
 
@@ -27,28 +27,29 @@ def write_json(path: Path, content: Any) -> None:
         stream.write(json.dumps(content, separators=(",", ":")).encode())
 
 
-def join_parts(root: Path, towns: list[TownOrder]) -> None:
+def join_parts(root: Path, towns: list[TownOrder], rig: RigPlan) -> None:
     """Make tables and maps of the parts of all towns; the tables get their place as the last step.
 
     Args:
         root: Folder of the data set.
         towns: All of it, in order.
+        rig: The car that drove there.
     """
     joined = root / PARTS / VERSION
     shutil.rmtree(joined, ignore_errors=True)
     joined.mkdir()
     with ExitStack() as stack:
         tables = {name: _Table(joined / f"{name}.json", stack) for name in TABLE_NAMES}
-        _fill(tables, root, towns)
+        _fill(tables, root, towns, rig)
         for table in tables.values():
             table.end()
     joined.replace(root / VERSION)
 
 
-def _fill(tables: dict[str, "_Table"], root: Path, towns: list[TownOrder]) -> None:
+def _fill(tables: dict[str, "_Table"], root: Path, towns: list[TownOrder], rig: RigPlan) -> None:
     """Add the rows of all parts, and write the maps, whose files have rows too."""
     parts = root / PARTS
-    channels = (*(plan.channel for plan in CAMERA_PLANS), LIDAR)
+    channels = (*(camera.channel for camera in rig.cameras), LIDAR)
     logs: dict[int, list[str]] = {}
     for name, rows in fixed_tables(channels).items():
         tables[name].add(rows)

@@ -39,8 +39,8 @@ def town_orders(config: MakeWorldConfig) -> Iterator[TownOrder]:
             scenes = tuple(
                 SceneOrder(
                     names[index], split, index, town, config.seed,
-                    config.duration_s, config.keyframe_s, config.tail_s, config.image_scale,
-                    config.azimuths(), config.sweeps, tile,
+                    config.duration_s, config.keyframe_s, config.tail_s, config.rig,
+                    config.image_scale, config.azimuths(), config.sweeps, tile,
                 )
                 for index in range(first, min(first + per_town, num_scenes))
             )  # fmt: skip

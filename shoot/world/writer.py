@@ -24,6 +24,7 @@ from shoot.world.nuscenes.map_layers import town_layers
 from shoot.world.nuscenes.map_masks import town_mask
 from shoot.world.nuscenes.tiling import TILE_M, seed_of
 from shoot.world.orders import TownOrder, town_orders
+from shoot.world.sensing.rig_plans import RIG_PLANS
 from shoot.world.town.roads import make_town
 from shoot.world.town.town import Town
 
@@ -57,7 +58,7 @@ def _make_world(config: MakeWorldConfig, root: Path) -> None:
         make = partial(_make_town, root=root.absolute())
         for count in run_jobs(make, open_towns, config.workers, config.dask, parts):
             advance(count)
-    join_parts(root, towns)
+    join_parts(root, towns, RIG_PLANS[config.rig])
     shutil.rmtree(parts)
 
 
@@ -78,10 +79,11 @@ def _is_finished(root: Path, config: MakeWorldConfig) -> bool:
         raise DataError(
             f"'{card_path}' cannot be read ({error}); choose an empty folder."
         ) from error
-    for name, value in config.card().items():
-        if card.get(name) != value:
+    now = config.card()
+    for name in {**now, **card}:
+        if card.get(name) != now.get(name):
             raise DataError(
-                f"'{root}' was begun with {name} = {card.get(name)}, now it is {value}: "
+                f"'{root}' was begun with {name} = {card.get(name)}, now it is {now.get(name)}: "
                 "use the same settings to go on, or another folder."
             )
     return tables.exists()

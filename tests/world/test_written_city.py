@@ -19,9 +19,10 @@ from lss_core.labels.roads import LINE_WIDTH_M
 from shoot.world import writer
 from shoot.world.config import VERSION
 from shoot.world.looks.scenery import ego_pose
-from shoot.world.nuscenes.capture import LIDAR_PERIOD_S, keyframe_steps
+from shoot.world.nuscenes.capture import keyframe_steps
 from shoot.world.nuscenes.tiling import TILE_M, seed_of, tile_of
 from shoot.world.orders import town_orders
+from shoot.world.sensing.rig_plans import LIDAR_PERIOD_S
 from shoot.world.town.roads import make_town
 from shoot.world.traffic.scenario import make_look, make_scenario
 from shoot.world.writer import make_world

@@ -32,7 +32,7 @@ def rows_of_split(
     if not len(rows):
         raise DataError(
             f"None of the {len(names)} scenes of split '{split}' is in {folder}; "
-            "check the version and the split."
+            "check the version and the split, or name the scenes of splits in splits.json there."
         )
     _check_whole(index, folder, split, names)
     order = np.lexsort((index.time_s[rows], index.sample_scene[rows]))

@@ -17,8 +17,8 @@ from lss_core.geometry import FloatArray
 from shoot.studies.turn_leak.answers import Question
 from shoot.training.planning.data import LabelledSplit
 from shoot.world.config import CARD, VERSION, WORLD_FORMAT
-from shoot.world.nuscenes.capture import LIDAR_PERIOD_S
 from shoot.world.nuscenes.tiling import Split, seed_of, tile_of
+from shoot.world.sensing.rig_plans import LIDAR_PERIOD_S
 from shoot.world.town.roads import make_town
 from shoot.world.traffic.approaches import find_approaches, way_ahead
 

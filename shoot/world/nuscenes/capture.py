@@ -14,12 +14,12 @@ from shoot.world.looks.scenery import ego_pose
 from shoot.world.nuscenes.tables import AnnotationBook, calibration_rows, pose_row
 from shoot.world.nuscenes.tiling import LOCATIONS, Tile, seed_of
 from shoot.world.sensing.rig import make_rig
+from shoot.world.sensing.rig_plans import DELAY_ERROR_US, LIDAR_PERIOD_S, RIG_PLANS, RigName
 from shoot.world.sensing.sensors import CitySensors, Sweep
 from shoot.world.town.town import FloatArray, Town
 from shoot.world.traffic.scenario import describe, make_look, make_scenario
 
 LIDAR = "LIDAR_TOP"
-LIDAR_PERIOD_S = 0.05
 JPEG_QUALITY = 90
 AGENT_REACH_M, PARKED_REACH_M = 80.0, 60.0
 _FIRST_STAMP_US = 1_767_225_600_000_000  # 1 January 2026
@@ -37,7 +37,8 @@ class SceneOrder:
         duration_s: Length of the scene.
         keyframe_s: Time between keyframes, on average.
         tail_s: Time at the end whose keyframes have no images.
-        image_scale: Share of 1600 x 900.
+        rig: Which car drives.
+        image_scale: Share of the size of the rig's images.
         lidar_azimuths: Lidar firings a turn.
         sweeps: Which sweeps get files.
         tile: Where the town lies.
@@ -51,6 +52,7 @@ class SceneOrder:
     duration_s: float
     keyframe_s: float
     tail_s: float
+    rig: RigName
     image_scale: float
     lidar_azimuths: int
     sweeps: Literal["keyframes", "all"]
@@ -93,7 +95,9 @@ def capture_scene(order: SceneOrder, town: Town, paint: Paint, root: Path) -> di
     scene_seed = seed_of(order.seed, order.split, "scene", order.index)
     recording = make_scenario(town, scene_seed, order.duration_s)
     look = make_look(scene_seed)
-    rig = make_rig(scene_seed, order.image_scale, order.lidar_azimuths)
+    plan = RIG_PLANS[order.rig]
+    rig = make_rig(scene_seed, order.image_scale, order.lidar_azimuths, plan)
+    image_hw = {camera.channel: (camera.height_px, camera.width_px) for camera in rig.cameras}
     sensors = CitySensors(town, recording, look, rig, scene_seed, paint)
     rng = np.random.default_rng([scene_seed, 21])
     name, seed = order.name, order.seed
@@ -110,6 +114,7 @@ def capture_scene(order: SceneOrder, town: Town, paint: Paint, root: Path) -> di
         x, y, yaw = ego_pose(recording, time_us / 1e6)
         stamp_us = first_us + time_us
         row_token = token(seed, name, "sample_data", channel, stamp_us)
+        height_px, width_px = image_hw.get(channel, (0, 0))
         poses.append(pose_row(row_token, stamp_us, np.array([x, y]) + origin_m, yaw))
         is_lidar = channel == LIDAR
         folder = "samples" if is_key_frame else "sweeps"
@@ -122,8 +127,8 @@ def capture_scene(order: SceneOrder, town: Town, paint: Paint, root: Path) -> di
             "timestamp": stamp_us,
             "fileformat": "pcd" if is_lidar else "jpg",
             "is_key_frame": is_key_frame,
-            "height": 0 if is_lidar else rig.cameras[0].height_px,
-            "width": 0 if is_lidar else rig.cameras[0].width_px,
+            "height": height_px,
+            "width": width_px,
             "filename": f"{folder}/{channel}/{logfile}__{channel}__{stamp_us}.{ending}",
             "prev": "",
             "next": "",
@@ -133,7 +138,7 @@ def capture_scene(order: SceneOrder, town: Town, paint: Paint, root: Path) -> di
 
     num_steps = round(order.duration_s / LIDAR_PERIOD_S)
     tail_steps = round(order.tail_s / LIDAR_PERIOD_S)
-    pictured = keyframe_steps(num_steps - tail_steps, rng, order.keyframe_s)
+    pictured = keyframe_steps(num_steps - tail_steps, rng, order.keyframe_s, first=plan.first_turn)
     # Random numbers of their own: when images are taken does not hang on the tail's keyframes.
     tail_rng = np.random.default_rng([scene_seed, 22])
     after = keyframe_steps(num_steps, tail_rng, order.keyframe_s, pictured[-1])
@@ -170,7 +175,7 @@ def capture_scene(order: SceneOrder, town: Town, paint: Paint, root: Path) -> di
     for camera in rig.cameras:
         shots: list[Row] = []
         for step, sample in zip(pictured, samples[: len(pictured)], strict=True):
-            delay_us = round(camera.delay_s * 1e6 + rng.uniform(-1500, 1500))
+            delay_us = round(camera.delay_s * 1e6 + rng.uniform(-DELAY_ERROR_US, DELAY_ERROR_US))
             time_us = round(step * LIDAR_PERIOD_S * 1e6) + delay_us
             row = record(camera.channel, time_us, sample["token"], True)
             shots.append(row)

@@ -1,47 +1,15 @@
-"""The ego car's six cameras and its lidar: where they sit, where they look, when they fire.
-
-Laid out as on nuScenes' cars, with round numbers of our own.
-"""
+"""The ego car's cameras and its lidar as mounted in one scene: a plan and small errors."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from shoot.world.looks.meshes import Float32Array
+from shoot.world.sensing.rig_plans import NUSCENES, RigPlan
 from shoot.world.town.town import FloatArray
 
-FULL_WIDTH_PX, FULL_HEIGHT_PX = 1600, 900
 LIDAR_RINGS = 32
 LIDAR_LOWEST_RAD, LIDAR_HIGHEST_RAD = np.deg2rad(-30.0), np.deg2rad(10.0)
-
-
-@dataclass(frozen=True)
-class CameraPlan:
-    """A camera before it was mounted.
-
-    Attributes:
-        channel: nuScenes' name.
-        position_m: (x, y, z) in `ego`.
-        yaw_rad: Viewing direction, left of straight ahead.
-        focal_px: Focal length at 1600 x 900.
-        delay_s: When it fires, after the lidar's stamp: the turning beam passes it before that.
-    """
-
-    channel: str
-    position_m: tuple[float, float, float]
-    yaw_rad: float
-    focal_px: float
-    delay_s: float
-
-
-CAMERA_PLANS = (
-    CameraPlan("CAM_FRONT", (1.70, 0.00, 1.50), 0.0, 1265.0, -0.035),
-    CameraPlan("CAM_FRONT_RIGHT", (1.55, -0.50, 1.50), np.deg2rad(-55.0), 1265.0, -0.027),
-    CameraPlan("CAM_BACK_RIGHT", (1.05, -0.50, 1.55), np.deg2rad(-110.0), 1265.0, -0.020),
-    CameraPlan("CAM_BACK", (0.05, 0.00, 1.55), np.deg2rad(180.0), 810.0, -0.010),
-    CameraPlan("CAM_BACK_LEFT", (1.05, 0.50, 1.55), np.deg2rad(110.0), 1265.0, -0.002),
-    CameraPlan("CAM_FRONT_LEFT", (1.55, 0.50, 1.50), np.deg2rad(55.0), 1265.0, -0.043),
-)
 
 
 @dataclass(frozen=True)
@@ -79,8 +47,8 @@ class Rig:
     """All sensors of one scene's car.
 
     Attributes:
-        cameras: In nuScenes' order, clockwise from the front.
-        ego_from_lidar: [4, 4] (lidar: x right, y forward, z up).
+        cameras: In the plan's order.
+        ego_from_lidar: [4, 4] (lidar: z up; nuScenes: x right, y forward).
         lidar_azimuths: Firings a turn.
     """
 
@@ -136,31 +104,40 @@ def quaternion_wxyz(rotation: FloatArray) -> list[float]:
     return [float(value) for value in quaternion]
 
 
-def make_rig(seed: int, image_scale: float, lidar_azimuths: int) -> Rig:
+def make_rig(seed: int, image_scale: float, lidar_azimuths: int, plan: RigPlan = NUSCENES) -> Rig:
     """Mount the sensors with small errors: angles 0.5 deg, places 2 cm, focal lengths 1 %."""
     rng = np.random.default_rng([seed, 11])
-    width, height = round(FULL_WIDTH_PX * image_scale), round(FULL_HEIGHT_PX * image_scale)
-    scale_x, scale_y = width / FULL_WIDTH_PX, height / FULL_HEIGHT_PX
+    width, height = round(plan.width_px * image_scale), round(plan.height_px * image_scale)
+    scale_x, scale_y = width / plan.width_px, height / plan.height_px
     cameras = []
-    for plan in CAMERA_PLANS:
-        focal = plan.focal_px * (1 + 0.01 * rng.uniform(-1, 1))
-        centre = np.array([808.0, 490.0]) + rng.uniform(-12, 12, 2)
+    for camera in plan.cameras:
+        focal = camera.focal_px * (1 + 0.01 * rng.uniform(-1, 1))
+        centre = np.asarray(camera.centre_px) + rng.uniform(-12, 12, 2)
         # Pixel centres lie at whole numbers: images shrink about the corner at (-0.5, -0.5).
         pixel_from_camera = np.array([
             [focal * scale_x, 0.0, (centre[0] + 0.5) * scale_x - 0.5],
             [0.0, focal * scale_y, (centre[1] + 0.5) * scale_y - 0.5],
             [0.0, 0.0, 1.0],
         ])  # fmt: skip
-        ahead = np.array([np.cos(plan.yaw_rad), np.sin(plan.yaw_rad), 0.0])
-        right = np.array([ahead[1], -ahead[0], 0.0])
-        nominal = np.stack([right, np.array([0.0, 0.0, -1.0]), ahead], axis=1)
         pose = np.eye(4)
-        pose[:3, :3] = nominal @ _small_rotation(np.deg2rad(0.5) * rng.uniform(-1, 1, 3))
-        pose[:3, 3] = np.asarray(plan.position_m) + 0.02 * rng.uniform(-1, 1, 3)
-        cameras.append(Camera(plan.channel, width, height, pixel_from_camera, pose, plan.delay_s))
+        errors = _small_rotation(np.deg2rad(0.5) * rng.uniform(-1, 1, 3))
+        pose[:3, :3] = _ego_from_camera(camera.yaw_rad, camera.pitch_rad) @ errors
+        pose[:3, 3] = np.asarray(camera.position_m) + 0.02 * rng.uniform(-1, 1, 3)
+        cameras.append(
+            Camera(camera.channel, width, height, pixel_from_camera, pose, camera.delay_s)
+        )
     lidar = np.eye(4)
-    lidar[:3, :3] = rotation_z(-np.pi / 2) @ _small_rotation(
+    lidar[:3, :3] = rotation_z(plan.lidar_yaw_rad) @ _small_rotation(
         np.deg2rad(0.5) * rng.uniform(-1, 1, 3)
     )
-    lidar[:3, 3] = np.array([0.95, 0.0, 1.84]) + 0.02 * rng.uniform(-1, 1, 3)
+    lidar[:3, 3] = np.asarray(plan.lidar_position_m) + 0.02 * rng.uniform(-1, 1, 3)
     return Rig(tuple(cameras), lidar, lidar_azimuths)
+
+
+def _ego_from_camera(yaw_rad: float, pitch_rad: float) -> FloatArray:
+    """Axes [3, 3] of a camera that looks to the left by `yaw_rad` and up by `pitch_rad`."""
+    level = np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0.0])
+    right, up = np.array([level[1], -level[0], 0.0]), np.array([0.0, 0.0, 1.0])
+    ahead = np.cos(pitch_rad) * level + np.sin(pitch_rad) * up
+    down = np.sin(pitch_rad) * level - np.cos(pitch_rad) * up
+    return np.stack([right, down, ahead], axis=1)
