@@ -38,8 +38,8 @@ def view_sample(
     row = int(split.futures.sample[position])
     (batch,) = batches(run, split, np.asarray([position]))
     with torch.no_grad():
-        cost_map = run.module.cost_map(batch.sensors)
-        probabilities = run.module.planner(cost_map).softmax(dim=-1)[0]
+        cost_maps = run.module.cost_maps(batch.sensors)
+        probabilities = run.module.outputs(cost_maps).softmax(dim=-1)[0]
     scene = int(index.sample_scene[row])
     images, intrinsics, names, there = _shown_images(index, root, row)
     poses = ego_from_camera(index, row, run.config.data.ego_motion)
@@ -49,15 +49,22 @@ def view_sample(
         ego_from_camera=poses[there],
         camera_names=names,
         grid=run.config.model.grid,
-        cost_map=cost_map[0].float().cpu().numpy(),
+        cost_map=cost_maps[0].mean(dim=0).float().cpu().numpy(),
         templates=run.templates.points,
         probabilities=probabilities.float().cpu().numpy(),
         driven=split.futures.xy_m[position],
         lidar_points_ego=load_sweep(index, root, row) if with_lidar else None,
         dt_s=run.templates.dt_s,
         title=legible(f"{index.scene_name[scene]}: {index.scene_description[scene]}"[:_SHOWN]),
-        caption=legible(f"sample {index.sample_token[row]}"),
+        caption=legible(f"sample {index.sample_token[row]}") + _of_times(run),
     )
+
+
+def _of_times(run: TrainedRun) -> str:
+    """What of a cost volume the map shows, to be said below the headline."""
+    if run.task.out_channels == 1:
+        return ""
+    return f"; the map: mean cost of {run.task.out_channels} times"
 
 
 def _shown_images(
