@@ -17,7 +17,7 @@ from shoot.planner.scores import check_costs, check_templates, score_reads
 
 @dataclass(frozen=True)
 class PlannerConfig:
-    """How the cost map is read.
+    """How costs are laid out and read, and what training asks of them.
 
     Attributes:
         interpolation: `bilinear` between cell centres, or the `nearest` cell.
@@ -27,7 +27,8 @@ class PlannerConfig:
         cost: One `map` c(x, y) for all times, or a `volume` c(x, y, t): a map for each time that
             templates have a waypoint at (Neural Motion Planner).
         loss: `cross_entropy` of the template nearest to what was driven, or `max_margin`: what was
-            driven costs less than every template, by a margin (Neural Motion Planner).
+            driven costs less than every template, by a margin (Neural Motion Planner);
+            probabilities are not calibrated then.
         margin_per_m: That margin, in cost for each metre between two waypoints of the same time.
     """
 
