@@ -8,7 +8,7 @@ def max_margin_loss(
     driven_cost: Float[Tensor, "B T"],
     cost: Float[Tensor, "B K T"],
     distance_m: Float[Tensor, "B K T"],
-    margin_per_m: float = 1.0,
+    margin_per_m: float,
 ) -> Float[Tensor, ""]:
     """Mean over samples of how far the worst of K trajectories is from keeping the margin.
 

@@ -30,6 +30,7 @@ class PlannerConfig:
             driven costs less than every template, by a margin (Neural Motion Planner);
             probabilities are not calibrated then.
         margin_per_m: That margin, in cost for each metre between two waypoints of the same time.
+            It is the unit of all costs; the default makes 20 waypoints a metre away 2 nats.
     """
 
     interpolation: Interpolation = "bilinear"
@@ -37,7 +38,7 @@ class PlannerConfig:
     learn_temperature: bool = False
     cost: Literal["map", "volume"] = "map"
     loss: Literal["cross_entropy", "max_margin"] = "cross_entropy"
-    margin_per_m: Annotated[float, Bounds(0.0, 1e6, low_is_in=False)] = 1.0
+    margin_per_m: Annotated[float, Bounds(0.0, 1e6, low_is_in=False)] = 0.1
 
     def __post_init__(self) -> None:
         check_settings(self)

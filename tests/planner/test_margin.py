@@ -41,10 +41,20 @@ def test_by_hand() -> None:
     assert max_margin_loss(driven[:1], cost[:1], distance_m[:1], 2.0).item() == pytest.approx(7.0)
 
 
+def test_the_margin_is_the_unit_of_cost() -> None:
+    driven, cost = numbers(2, 3), numbers(2, 5, 3, seed=1)
+    distance_m = numbers(2, 5, 3, seed=2).abs()
+    loss = max_margin_loss(driven, cost, distance_m, 1.0)
+    assert loss > 0.0
+    torch.testing.assert_close(
+        max_margin_loss(0.1 * driven, 0.1 * cost, distance_m, 0.1), 0.1 * loss
+    )
+
+
 def test_no_time_makes_up_for_another_one() -> None:
     # Much dearer at the first time, 1 too cheap at the second: short by 1 all the same.
     driven, cost = torch.zeros(1, 2), torch.tensor([[[1000.0, -1.0]]])
-    assert max_margin_loss(driven, cost, torch.zeros(1, 1, 2)).item() == 1.0
+    assert max_margin_loss(driven, cost, torch.zeros(1, 1, 2), 1.0).item() == 1.0
 
 
 @pytest.mark.parametrize("cost", ["map", "volume"])
@@ -108,7 +118,7 @@ def test_gradients_of_the_map_are_the_finite_differences(cost: str) -> None:
 def test_only_the_worst_trajectory_and_the_driven_one_are_moved() -> None:
     driven, cost = numbers(1, 3).requires_grad_(), numbers(1, 6, 3, seed=1).requires_grad_()
     distance_m = numbers(1, 6, 3, seed=2).abs() + 2.0  # every margin is missed
-    max_margin_loss(driven, cost, distance_m).backward()
+    max_margin_loss(driven, cost, distance_m, 1.0).backward()
     assert driven.grad is not None
     assert cost.grad is not None
     worst = (driven[:, None] - cost + distance_m).sum(dim=-1).argmax()
@@ -126,7 +136,7 @@ def test_where_all_keep_the_margin_nothing_is_left_to_learn() -> None:
         dim=-1,
     )
     maps = (2.0 * (centres_m - driven[0]).norm(dim=-1))[None, None].requires_grad_()
-    config = PlannerConfig("nearest", loss="max_margin")
+    config = PlannerConfig("nearest", loss="max_margin", margin_per_m=1.0)
     templates = centres_m[[0, 5, 9, 20], [3, 18, 11, 2]][:, None].expand(-1, NUM_STEPS, -1)
     planner = Planner(templates, GRID, config)
     loss = planner.margin_loss(maps, driven[None])
