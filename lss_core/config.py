@@ -106,6 +106,11 @@ class ModelConfig:
         frustum: Which pixel a feature cell stands for. `sampled`: the one where the network looks,
             measured at its first weights; `cell`: the cell's centre; `released`: stretched to the
             image's edges as in the released perception code.
+        lift: How images reach the map. `depth`: the paper's, by depths that are learned; `uniform`:
+            by all depths alike. Its rivals (section 5.1): `oft` by projecting boxes of space, `cnn`
+            by convolutions that know no calibration.
+        freeze_encoder: Keep the image backbone as it is at the start, batch statistics included;
+            with `pretrained="none"` its features are random.
         depth: Depth bins.
         grid: Bird's-eye-view grid.
         z_min_m: Points below are dropped.
@@ -121,6 +126,8 @@ class ModelConfig:
     stem_channels: _Channels = 64
     decoder_channels: Annotated[int, Bounds(2, 8_192)] = 256
     frustum: Literal["sampled", "cell", "released"] = "sampled"
+    lift: Literal["depth", "uniform", "cnn", "oft"] = "depth"
+    freeze_encoder: bool = False
     depth: DepthBins = field(default_factory=DepthBins)
     grid: BevGrid = field(default_factory=BevGrid)
     z_min_m: _Height = -10.0

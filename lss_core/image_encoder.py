@@ -38,10 +38,13 @@ class ImageEncoder(nn.Module):
         backbone: Name of a timm model with features at both strides, or `plain-16-32-64-128`: a
             ResNet of one basic block a stage with these widths, made for CPUs.
         pretrained: `timm`, `none`, or the path of a file with the timm model's weights.
-        num_depths: D.
+        num_depths: D; 0 for models that have no use for depths.
         context_channels: C.
         stride: Pixels per feature cell.
         neck_channels: Width of the two 3x3 convolutions.
+        learns_depth: False: each depth has probability 1 / D, whatever is seen.
+        freezes_backbone: Whether the backbone stays as it is made: no gradients, and batch norms
+            that normalise by the statistics they came with. Neck and head learn.
 
     Raises:
         DataError: If the backbone is unknown or has no such strides, or its weights cannot be had.
@@ -49,6 +52,8 @@ class ImageEncoder(nn.Module):
 
     mean: Tensor
     std: Tensor
+    learns_depth = True
+    freezes_backbone = False
 
     def __init__(
         self,
@@ -58,9 +63,13 @@ class ImageEncoder(nn.Module):
         context_channels: int,
         stride: int = 16,
         neck_channels: int = 512,
+        learns_depth: bool = True,
+        freezes_backbone: bool = False,
     ) -> None:
         super().__init__()
         self.num_depths = num_depths
+        self.learns_depth = learns_depth
+        self.freezes_backbone = freezes_backbone
         self.backbone, (fine_channels, coarse_channels), mean, std = create_backbone(
             backbone, pretrained, stride
         )
@@ -75,7 +84,17 @@ class ImageEncoder(nn.Module):
             nn.BatchNorm2d(neck_channels),
             nn.ReLU(inplace=True),
         )
-        self.head = nn.Conv2d(neck_channels, num_depths + context_channels, 1)
+        self.num_scores = num_depths if learns_depth else 0
+        self.head = nn.Conv2d(neck_channels, self.num_scores + context_channels, 1)
+        self.backbone.requires_grad_(not freezes_backbone)
+        self.train()
+
+    def train(self, mode: bool = True) -> "ImageEncoder":
+        """Training mode, or not; a frozen backbone has none."""
+        super().train(mode)
+        if self.freezes_backbone:
+            self.backbone.eval()
+        return self
 
     def forward(
         self, images: Float[Tensor, "M 3 Hi Wi"]
@@ -89,9 +108,13 @@ class ImageEncoder(nn.Module):
         coarse = self.upsample(coarse)[..., : fine.shape[-2], : fine.shape[-1]]
         features = self.head(self.neck(torch.cat([fine, coarse], dim=1)))
         # Over the innermost dimension in memory: the splat reads a pixel's depths side by side.
-        scores = features[:, : self.num_depths].permute(0, 2, 3, 1)
-        depth_prob = scores.softmax(dim=-1).permute(0, 3, 1, 2)
-        return features[:, self.num_depths :], depth_prob
+        scores = features[:, : self.num_scores].permute(0, 2, 3, 1)
+        if self.learns_depth:
+            depth_prob = scores.softmax(dim=-1)
+        else:
+            shape = (*scores.shape[:3], self.num_depths)
+            depth_prob = scores.new_full(shape, 1.0 / self.num_depths, dtype=torch.float32)
+        return features[:, self.num_scores :], depth_prob.permute(0, 3, 1, 2)
 
 
 def create_backbone(

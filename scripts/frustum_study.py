@@ -16,9 +16,9 @@ from typing import Annotated
 import tyro
 from marked_page import fill_pages
 from planning_table.cells import PAIRED, markdown, model_spread, paired, value_cell
-from planning_table.experiments import MAIN_METRICS, SEEDS, Experiment
-from planning_table.records import Record, load_records
-from planning_table.work import Place, prepare, run_all, run_script
+from planning_table.experiments import MAIN_METRICS, SEEDS
+from planning_table.work import prepare, run_all
+from run_queue import Experiment, Place, Record, load_records, run_script
 
 from lss_core.bounds import Bounds, Workers, check_settings
 from shoot.cli.fit_templates import NumTemplates

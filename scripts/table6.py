@@ -16,8 +16,8 @@ from typing import Annotated
 import tyro
 from planning_table.experiments import ALL
 from planning_table.page import write_tables
-from planning_table.records import load_records
-from planning_table.work import Place, prepare, run_all, run_script
+from planning_table.work import prepare, run_all
+from run_queue import Place, load_records, run_script
 
 from lss_core.bounds import Bounds, Workers, check_settings
 from shoot.cli.fit_templates import NumTemplates

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 from tiny_tables import write_tiny
-from world_fixture import TinyRun, copy_run, tiny_run  # noqa: F401
+from world_fixture import TinyRun, copy_run, tiny_run, tiny_segmenter  # noqa: F401
 
 settings.register_profile("shoot", deadline=None, derandomize=True, database=None)
 settings.load_profile("shoot")

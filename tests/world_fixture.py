@@ -114,6 +114,14 @@ class TinyRun:
     folder: Path
 
 
+@dataclass(frozen=True)
+class TinySegmenter:
+    """A written city of a few moments and a segmentation trained on it; not to be changed."""
+
+    root: Path
+    folder: Path
+
+
 def command(name: str, *arguments: object) -> Said:
     """Run a console command in this process."""
     out, err = io.StringIO(), io.StringIO()
@@ -250,12 +258,51 @@ def copy_run(run: TinyRun, folder: Path) -> TinyRun:
 @pytest.fixture(scope="session")
 def tiny_run(tmp_path_factory: pytest.TempPathFactory, worker_id: str, _own_cache: None) -> TinyRun:
     """A trained tiny run, shared by all workers of a session."""
-    base = tmp_path_factory.getbasetemp()
-    shared = (base if worker_id == "master" else base.parent) / "tiny-run"
+    shared = _shared(tmp_path_factory, worker_id, "tiny-run", make_tiny_run)
+    return TinyRun(shared / "data", shared / "templates.npz", shared / "run")
+
+
+def segment_flags(root: Path, out: Path, steps: int, every: int) -> list[str]:
+    """Arguments of shoot-train for a tiny segmentation."""
+    flags = ["segment", "--data.root", root, "--out", out]
+    flags += ["--optim.steps", steps, "--val-every", every, *SMALL_FLAGS]
+    return [str(flag) for flag in flags]
+
+
+def make_tiny_segmenter(folder: Path) -> TinySegmenter:
+    """Make everything, through the commands."""
+    made = TinySegmenter(folder / "city", folder / "run")
+    city = (
+        "--train-scenes", "2", "--val-scenes", "1", "--duration-s", "1.5", "--seed", "3",
+        "--image-scale", "0.08", "--lidar-azimuths", "48", "--workers", "1",
+    )  # fmt: skip
+    writing = start_command("shoot-make-world", made.root, *city, log=folder / "city.log")
+    writing.join()
+    assert writing.exitcode == 0, (folder / "city.log").read_text()
+    said = command("shoot-train", *segment_flags(made.root, made.folder, 4, 2))
+    assert said.status == 0, said.err
+    return made
+
+
+@pytest.fixture(scope="session")
+def tiny_segmenter(
+    tmp_path_factory: pytest.TempPathFactory, worker_id: str, _own_cache: None
+) -> TinySegmenter:
+    """A trained tiny segmentation, shared by all workers of a session."""
+    shared = _shared(tmp_path_factory, worker_id, "tiny-segmenter", make_tiny_segmenter)
+    return TinySegmenter(shared / "city", shared / "run")
+
+
+def _shared(
+    factory: pytest.TempPathFactory, worker_id: str, name: str, make: Callable[[Path], object]
+) -> Path:
+    """A folder that the first worker of a session makes and all others wait for."""
+    base = factory.getbasetemp()
+    shared = (base if worker_id == "master" else base.parent) / name
     done = shared / "done"
     with FileLock(f"{shared}.lock"):
         if not done.exists():
             shared.mkdir(exist_ok=True)
-            make_tiny_run(shared)
+            make(shared)
             done.touch()
-    return TinyRun(shared / "data", shared / "templates.npz", shared / "run")
+    return shared

@@ -192,3 +192,24 @@ class LidarDataset(Dataset[Batch]):
             points=torch.from_numpy(points),
             point_counts=torch.tensor(len(points)),
         )
+
+
+def open_sensors(
+    index: SampleIndex,
+    rows: NDArray[np.int64],
+    config: DataConfig,
+    seed: int = 0,
+    with_points: bool = False,
+) -> CameraDataset | LidarDataset:
+    """What a model of this data sees: images, or lidar scans.
+
+    Args:
+        index: Of the data set.
+        rows: Its samples.
+        config: Which data, and what is done to it.
+        seed: Of everything random.
+        with_points: Give the keyframe's lidar points beside images.
+    """
+    if config.lidar_scans:
+        return LidarDataset(index, rows, config)
+    return CameraDataset(index, rows, config, seed, with_points)

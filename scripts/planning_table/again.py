@@ -2,9 +2,11 @@
 
 from collections.abc import Sequence
 
+from run_queue import Record
+
 from planning_table.cells import PAIRED, markdown, model_spread, paired
 from planning_table.experiments import MAIN_METRICS, PAIRS, PLANNERS
-from planning_table.records import Record, bases_of
+from planning_table.records import bases_of
 
 
 def again_tables(first: Sequence[Record], again: Sequence[Record]) -> dict[str, str]:

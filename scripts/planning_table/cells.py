@@ -6,8 +6,8 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
+from run_queue import Record
 
-from planning_table.records import Record
 from shoot.metrics.bootstrap import interval
 
 # What records have scene by scene, so that differences of it can be paired.

@@ -1,6 +1,7 @@
 """The training runs behind docs/results.md."""
 
-from dataclasses import dataclass
+from data_set import HALF
+from run_queue import Experiment
 
 SEEDS = (0, 1, 2)
 PLANNERS = {"camera": "camera", "lidar1": "lidar, 1 scan", "lidar10": "lidar, 10 scans"}
@@ -12,29 +13,6 @@ MAIN_METRICS = {
     "top20": "top-20, %",
     "nll": "NLL, nats",
 }
-HALF = "train_half"  # a split of half the training scenes
-
-
-@dataclass(frozen=True)
-class Experiment:
-    """One training run.
-
-    Attributes:
-        planner: Name in the tables; runs that differ in the seed only share it.
-        preset: Of shoot-train.
-        seed: Of training.
-        flags: What else shoot-train is told.
-    """
-
-    planner: str
-    preset: str
-    seed: int
-    flags: tuple[str, ...] = ()
-
-    @property
-    def name(self) -> str:
-        """Of its run folder and of its record."""
-        return f"{self.planner}-{self.seed}"
 
 
 # The paper's Table 6.

@@ -4,11 +4,12 @@ from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 
 from marked_page import fill_pages
+from run_queue import Record
 
 from planning_table.again import again_tables
 from planning_table.cells import PAIRED, markdown, model_spread, paired, spread, value_cell
 from planning_table.experiments import MAIN_METRICS, PAIRS, PLANNERS, RIVALS
-from planning_table.records import Record, bases_of
+from planning_table.records import bases_of
 
 # Lang et al.'s PointPillars and the camera planner, on nuScenes (the paper's Table 6).
 _PAPER = {

@@ -1,4 +1,4 @@
-"""shoot-evaluate: top-k planning accuracy of a run, beside the baselines, with intervals."""
+"""shoot-evaluate: how good a run is, beside the baselines, with intervals."""
 
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -8,32 +8,39 @@ from typing import Annotated, Literal
 import tyro
 
 from lss_core.bounds import check_settings
-from lss_core.data.usable import LEFT_OUT, save_left_out
+from lss_core.data.usable import LEFT_OUT, LeftOut, save_left_out
 from lss_core.files import check_writable
 from shoot.cli.app import run
-from shoot.cli.render import OtherData
+from shoot.cli.render import OtherData, refuse_settings
 from shoot.evaluation.comparison import score, sum_up
 from shoot.evaluation.results import MODEL, Report
+from shoot.evaluation.segmentation.results import SegmentationReport
+from shoot.evaluation.segmentation.scoring import score_segmentation
 from shoot.prediction.run import TrainedRun, open_run
+from shoot.prediction.segmenter import open_segmenter
 from shoot.report.html import PageDetails, write_page
 from shoot.report.sample_cards import make_cards
+from shoot.report.segmentation_table import format_segmentation
 from shoot.report.terminal import format_table
 from shoot.training.allocation import keep_freed_memory
+from shoot.training.config import task_of
+from shoot.training.segmentation.config import SegmentConfig
 
 
 @dataclass(frozen=True)
 class EvaluateConfig:
-    """Score a trained planner on a split.
+    """Score a trained planner or segmentation on a split.
 
     Attributes:
         run: Run folder.
         out: Report to write, JSON.
-        html: Page to write too: one file with tables, plots and pictures, for any browser.
+        html: Page to write too, of a planner: one file with tables, plots and pictures, for any
+            browser.
         split: Scenes to score on.
-        checkpoint: `last`, or `best`: chosen by top-10 on the run's validation split.
+        checkpoint: `last`, or `best`: chosen on the run's validation split, by top-10 or mean IoU.
         templates: Template file, if not the run's own copy; refused if it holds other templates.
-        fast: Predict with what this machine is fastest in: compiled, in bfloat16 where it has units
-            for it, the cost map only where templates lie. The same to rounding.
+        fast: Predict with what this machine is fastest in, of a planner: compiled, in bfloat16
+            where it has units for it, the cost map only where templates lie. The same to rounding.
         allow_seen_scenes: Score also scenes that the run was trained on, or its templates fitted.
         data: Data other than the run's own.
     """
@@ -52,7 +59,7 @@ class EvaluateConfig:
         check_settings(self)
 
 
-def evaluate(config: EvaluateConfig) -> Report:
+def evaluate(config: EvaluateConfig) -> Report | SegmentationReport:
     """Score, print the table and save the report.
 
     Raises:
@@ -61,6 +68,30 @@ def evaluate(config: EvaluateConfig) -> Report:
     """
     for path in filter(None, (config.out, config.html)):
         check_writable(path)
+    if task_of(Path(config.run)) == SegmentConfig.task:
+        return _evaluate_segmentation(config)
+    return _evaluate_planner(config)
+
+
+def _evaluate_segmentation(config: EvaluateConfig) -> SegmentationReport:
+    of_planners = {"--html": config.html, "--templates": config.templates, "--fast": config.fast}
+    refuse_settings(of_planners, config.run)
+    trained = open_segmenter(
+        config.run,
+        config.checkpoint,
+        config.data.root,
+        config.data.version,
+        config.data.skip_bad,
+    )
+    keep_freed_memory()
+    samples = trained.task.load_split(trained.config.data, config.split)
+    report = score_segmentation(trained, samples, config.split, config.allow_seen_scenes)
+    print(format_segmentation(report))
+    _save(report, config, samples.left_out)
+    return report
+
+
+def _evaluate_planner(config: EvaluateConfig) -> Report:
     trained = open_run(
         config.run,
         config.checkpoint,
@@ -73,17 +104,24 @@ def evaluate(config: EvaluateConfig) -> Report:
     scored = score(trained, config.split, config.fast, config.allow_seen_scenes)
     report = sum_up(trained, scored, config.split)
     print(format_table(report))
-    report.save(Path(config.out))
-    print(f"Report: {config.out}")
-    left_out = Path(config.out).with_suffix(f".{LEFT_OUT}")
-    save_left_out(left_out, {config.split: scored.samples.left_out})
-    if scored.samples.left_out:
-        print(f"Left out: {len(scored.samples.left_out)} samples, listed in {left_out}")
+    _save(report, config, scored.samples.left_out)
     if config.html is not None:
         cards = make_cards(trained, scored.samples, scored.log_probs[MODEL])
         write_page(report, cards, _details(config, trained), config.html)
         print(f"Page: {config.html}")
     return report
+
+
+def _save(
+    report: Report | SegmentationReport, config: EvaluateConfig, left_out: tuple[LeftOut, ...]
+) -> None:
+    """The report, and what was left out of it."""
+    report.save(Path(config.out))
+    print(f"Report: {config.out}")
+    listed = Path(config.out).with_suffix(f".{LEFT_OUT}")
+    save_left_out(listed, {config.split: left_out})
+    if left_out:
+        print(f"Left out: {len(left_out)} samples, listed in {listed}")
 
 
 def _details(config: EvaluateConfig, trained: TrainedRun) -> PageDetails:
@@ -100,4 +138,4 @@ def _details(config: EvaluateConfig, trained: TrainedRun) -> PageDetails:
 
 def main() -> None:
     """Entry point."""
-    run(EvaluateConfig, evaluate, "Score a trained planner beside its baselines.")
+    run(EvaluateConfig, evaluate, "Score a trained planner or segmentation beside its baselines.")

@@ -1,22 +1,33 @@
-"""shoot-render: pictures of what a trained planner sees and plans."""
+"""shoot-render: pictures of what a trained run sees, and plans or finds around the car."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
 import tyro
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from lss_core.bounds import Count, check_settings
-from lss_core.data.samples import load_index, rows_of_split
+from lss_core.config import DataConfig
+from lss_core.data.samples import SampleIndex, load_index, rows_of_split
 from lss_core.data.tables.file_names import is_plain
 from lss_core.data.usable import LEFT_OUT, Needs, save_left_out
 from lss_core.errors import DataError
+from lss_core.legible import legible
 from shoot.cli.app import run
-from shoot.prediction.run import TrainedRun, open_run
-from shoot.rendering import render_sample, save_figure
+from shoot.prediction.run import open_run
+from shoot.prediction.segmenter import open_segmenter
+from shoot.rendering import render_sample, render_segmentation, save_figure
 from shoot.report.sample_views import view_sample
-from shoot.training.planning.data import LabelledSplit, label_rows
+from shoot.report.segmentation_views import view_segmentation
+from shoot.training.config import task_of
+from shoot.training.planning.data import label_rows
+from shoot.training.segmentation.config import SegmentConfig
+from shoot.training.segmentation.data import label_segments
+from shoot.training.split import SampleSplit
 
 
 @dataclass(frozen=True)
@@ -40,7 +51,10 @@ class OtherData:
 
 @dataclass(frozen=True)
 class RenderConfig:
-    """Draw samples: six images and the cost map with ranked trajectories and the driven one.
+    """Draw samples: six images, and from above what is planned or found.
+
+    Of a planner that is the cost map with ranked trajectories and the driven one; of a segmentation
+    what it found, drawn back onto the images, too, and the truth beside it.
 
     Attributes:
         run: Run folder.
@@ -48,7 +62,7 @@ class RenderConfig:
         split: Scenes to take samples from.
         num: Number of samples, evenly spread.
         token: One sample to draw instead.
-        lidar: Show the lidar sweep too.
+        lidar: Show the lidar sweep too, of a planner.
         checkpoint: `last` or `best`.
         data: Data other than the run's own.
     """
@@ -72,6 +86,8 @@ def render(config: RenderConfig) -> list[Path]:
     Raises:
         DataError: If run, data or sample are not as they should be.
     """
+    if task_of(Path(config.run)) == SegmentConfig.task:
+        return _render_segmentation(config)
     trained = open_run(
         config.run,
         config.checkpoint,
@@ -79,36 +95,82 @@ def render(config: RenderConfig) -> list[Path]:
         config.data.version,
         skip_bad=config.data.skip_bad,
     )
-    split = _samples(trained, config)
-    num = min(config.num, len(split.labels))
+    data = trained.config.data
+    index, rows = _rows(data, config)
+    needs = Needs(lidar_scans=max(data.lidar_scans, int(config.lidar)))
+    split = label_rows(index, rows, data, trained.templates, needs, "asked for ")
+
+    def draw(position: int) -> Figure:
+        return render_sample(view_sample(trained, split, position, config.lidar))
+
+    return _draw_all(split, draw, config)
+
+
+def _render_segmentation(config: RenderConfig) -> list[Path]:
+    refuse_settings({"--lidar": config.lidar}, config.run)
+    trained = open_segmenter(
+        config.run,
+        config.checkpoint,
+        config.data.root,
+        config.data.version,
+        config.data.skip_bad,
+    )
+    told = trained.config
+    index, rows = _rows(told.data, config)
+    split = label_segments(index, rows, told.data, told.model.grid, told.classes, told.rule)
+
+    def draw(position: int) -> Figure:
+        return render_segmentation(view_segmentation(trained, split, position))
+
+    return _draw_all(split, draw, config)
+
+
+def refuse_settings(given: Mapping[str, object], run: str) -> None:
+    """Check that nothing is asked of a segmentation that only planners can do.
+
+    Args:
+        given: Flag -> what it was set to, if anything.
+        run: Run folder, for the message.
+
+    Raises:
+        DataError: If something is.
+    """
+    flags = [flag for flag, value in given.items() if value]
+    if flags:
+        raise DataError(
+            f"'{legible(run)}' is a segmentation, and {' and '.join(flags)} can be asked of a "
+            "planner only; leave it out."
+        )
+
+
+def _rows(data: DataConfig, config: RenderConfig) -> tuple[SampleIndex, NDArray[np.int64]]:
+    """The index, and in it the split's samples, or the one asked for, wherever it is."""
+    index = load_index(data.root, data.version, data.cameras)
+    if config.token is None:
+        return index, rows_of_split(index, data.root, data.version, config.split)
+    return index, np.asarray([index.row_of(config.token)])
+
+
+def _draw_all(
+    split: SampleSplit, draw: Callable[[int], Figure], config: RenderConfig
+) -> list[Path]:
+    """As many samples as are asked for, evenly spread."""
+    num = min(config.num, len(split))
     out = Path(config.out)
     save_left_out(out / LEFT_OUT, {config.split: split.left_out})
     paths = []
-    for position in np.linspace(0, len(split.labels) - 1, num).round().astype(int):
-        token = str(split.index.sample_token[split.futures.sample[position]])
+    for position in np.linspace(0, len(split) - 1, num).round().astype(int):
+        token = str(split.index.sample_token[split.rows[position]])
         if not is_plain(token):
             raise DataError(
                 f"The token '{token}' of a sample cannot be the name of a file; rename it in "
                 "sample.json and sample_data.json."
             )
-        view = view_sample(trained, split, int(position), config.lidar)
-        paths.append(save_figure(render_sample(view), out / f"{token}.png"))
+        paths.append(save_figure(draw(int(position)), out / f"{token}.png"))
         print(paths[-1])
     return paths
 
 
-def _samples(trained: TrainedRun, config: RenderConfig) -> LabelledSplit:
-    """The split's samples, or the one asked for, wherever it is."""
-    data = trained.config.data
-    index = load_index(data.root, data.version, data.cameras)
-    if config.token is None:
-        rows = rows_of_split(index, data.root, data.version, config.split)
-    else:
-        rows = np.asarray([index.row_of(config.token)])
-    needs = Needs(lidar_scans=max(data.lidar_scans, int(config.lidar)))
-    return label_rows(index, rows, data, trained.templates, needs, "asked for ")
-
-
 def main() -> None:
     """Entry point."""
-    run(RenderConfig, render, "Draw what a trained planner sees and plans.")
+    run(RenderConfig, render, "Draw what a trained run sees, and plans or finds.")

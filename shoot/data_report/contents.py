@@ -7,7 +7,8 @@ import numpy as np
 
 from lss_core.data.annotations.boxes import Boxes, has_annotations, read_boxes
 from lss_core.data.annotations.categories import is_road_user
-from lss_core.data.annotations.drivable import has_map, load_drivable_area
+from lss_core.data.annotations.drivable import load_drivable_area
+from lss_core.data.annotations.map_file import has_map
 from lss_core.data.samples import SampleIndex
 from lss_core.errors import DataError
 from shoot.data_report.facts import CategoryFacts, Finding, LocationFacts

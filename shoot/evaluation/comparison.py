@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Float
 from numpy.typing import NDArray
 
-from lss_core.data.drives import KnownScene, find_shared
+from lss_core.data.drives import KnownScene
 from lss_core.legible import legible
 from shoot.baselines import (
     PastMotionFit,
@@ -34,7 +34,7 @@ from shoot.prediction.run import TrainedRun, predict
 from shoot.templates import TemplateSet
 from shoot.training.planning.data import LabelledSplit, load_split
 from shoot.training.planning.motion import TrainingMotion
-from shoot.training.run_scenes import FITTED_ON, TRAINED_ON, RunScenes, check_unseen
+from shoot.training.run_scenes import RunScenes, count_seen
 from shoot.trajectories import Futures
 
 Array = np.ndarray[Any, np.dtype[Any]]
@@ -174,11 +174,7 @@ def _count_seen(
         )
         tokens = known.scene_token.tolist()
         kept = RunScenes(tuple(KnownScene("", token) for token in tokens), (), ())
-    fitted = (*kept.fitted, *run.templates.scenes)
-    if not allow:
-        check_unseen(scored, kept.trained, TRAINED_ON)
-        check_unseen(scored, fitted, FITTED_ON)
-    return len({scene for scene, _ in find_shared(scored, (*kept.trained, *fitted))})
+    return count_seen(scored, kept.trained, (*kept.fitted, *run.templates.scenes), allow)
 
 
 def baseline_log_probs(

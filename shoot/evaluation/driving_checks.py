@@ -32,7 +32,8 @@ from jaxtyping import Bool, Float, Int
 
 from lss_core.config import DataConfig
 from lss_core.data.annotations.boxes import Boxes, has_annotations, read_boxes
-from lss_core.data.annotations.drivable import DrivableArea, has_map, load_drivable_area
+from lss_core.data.annotations.drivable import DrivableArea, load_drivable_area
+from lss_core.data.annotations.map_file import has_map
 from lss_core.data.samples import SampleIndex
 from lss_core.geometry import yaw_of
 from lss_core.legible import legible

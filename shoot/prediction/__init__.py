@@ -1,4 +1,4 @@
-"""A run folder opened: log-probabilities, as trained or as fast as this machine can."""
+"""A run folder opened: what a planner or a segmentation says, as trained; planners also fast."""
 
 import lazy_loader
 

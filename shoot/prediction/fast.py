@@ -10,7 +10,8 @@ from jaxtyping import Bool, Float, Shaped
 from torch import Tensor
 
 from lss_core.batch import Batch
-from lss_core.model import CameraModel
+from lss_core.errors import DataError
+from lss_core.model import CameraModel, LidarModel
 from lss_core.splat import pool
 from shoot.prediction.compiler_cache import frozen_weights
 from shoot.prediction.cuda_graph import CannotRecordError, CudaGraphs
@@ -45,9 +46,17 @@ class FastPlanner:
     Args:
         module: Trained; its weights must not change any more.
         compiled: False: do not try.
+
+    Raises:
+        DataError: If images reach its map in another way than by depths (`lift`).
     """
 
     def __init__(self, module: PlanningModule, compiled: bool = True) -> None:
+        if not isinstance(module.model, CameraModel | LidarModel):
+            raise DataError(
+                f"Fast prediction is not for planners whose lift is '{module.model.config.lift}'; "
+                "predict without it."
+            )
         self.compiled = compiled
         self.recorded = module.device.type == "cuda"
         self._is_settled = False
@@ -117,6 +126,7 @@ class FastPlanner:
                 sensors.ego_from_camera[one],
                 sensors.camera_mask[one],
             )
+        assert isinstance(model, LidarModel)
         start, count = (int(n[b]) for n in (sensors.point_offsets, sensors.point_counts))
         points = sensors.points[start : start + count]
         return self._score_pillars(model.pillar_encoder(points, sensors.point_counts.new_zeros(1)))

@@ -1,19 +1,18 @@
 """Run a trained planner over samples: checkpoint and data in, probabilities and cost maps out."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch.utils.data import DataLoader
 
 from lss_core.errors import DataError
 from lss_core.progress import progress
 from shoot.prediction.fast import FastPlanner
+from shoot.prediction.opening import load_module, read_batches, to_read_now
 from shoot.templates import TemplateSet
-from shoot.training.device import choose_device
 from shoot.training.planning.config import TrainConfig
 from shoot.training.planning.data import LabelledSplit, PlanBatch
 from shoot.training.planning.run_folder import PlanningRun
@@ -69,42 +68,17 @@ def open_run(
         DataError: If something is missing or does not fit together.
     """
     run = PlanningRun(Path(folder))
-    config = run.config()
-    data = replace(
-        config.data,
-        root=root or config.data.root,
-        version=version or config.data.version,
-        skip_bad=skip_bad or config.data.skip_bad,
-    )
-    # The weights come from the checkpoint.
-    model = replace(config.model, pretrained="none")
-    config = replace(config, data=data, model=model)
+    config = to_read_now(run.config(), root, version, skip_bad)
     template_set = TemplateSet.load(templates) if templates else run.templates()
-    state = run.weights(checkpoint)
-    try:
-        module = PlanningModule(config, template_set)
-        module.task.check_weights(state, f"'{run.folder}'")
-        module.load_state_dict(state["state_dict"])
-    except (RuntimeError, ValueError, ArithmeticError, MemoryError) as error:
-        raise DataError(
-            f"The weights in '{run.folder}' do not fit its config.yaml: {str(error)[:200]}..."
-        ) from error
-    return TrainedRun(config, template_set, module.eval().to(choose_device()), run)
+    module = load_module(run, checkpoint, lambda: PlanningModule(config, template_set))
+    return TrainedRun(config, template_set, module, run)
 
 
 def batches(
     run: TrainedRun, split: LabelledSplit, positions: NDArray[np.int64]
 ) -> Iterator[PlanBatch]:
     """Batches of the samples at the given positions, in order, without augmentation."""
-    loader = DataLoader(
-        run.task.dataset(split, run.config),
-        batch_size=max(8, run.config.optim.batch_size),
-        sampler=[(int(position), -1) for position in positions],
-        num_workers=run.config.num_workers,
-        collate_fn=run.task.collate,
-    )
-    for batch in loader:
-        yield batch.to(run.device)
+    return read_batches(run.task, run.config, split, positions, run.device)
 
 
 @torch.no_grad()

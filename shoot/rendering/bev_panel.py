@@ -126,7 +126,7 @@ def draw_bev(
         draw_ranked(axes, ranking)
     if view.driven is not None:
         draw_driven(axes, view.driven, view.dt_s)
-    _draw_scale_bar(axes, extent, scale_m)
+    draw_scale_bar(axes, extent, scale_m)
     return cost_image
 
 
@@ -209,7 +209,7 @@ def draw_ego(axes: Axes) -> None:
     )
 
 
-def _draw_scale_bar(axes: Axes, extent: Extent, length_m: float) -> None:
+def draw_scale_bar(axes: Axes, extent: Extent, length_m: float) -> None:
     """A known length in the lower corner that is farther from the car."""
     height_m = extent.x_max_m - extent.x_min_m
     if extent.y_max_m > -extent.y_min_m:

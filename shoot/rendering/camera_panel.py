@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from lss_core.camera import project
 from shoot.footprint import EGO_WIDTH_M
 from shoot.rendering import palette
+from shoot.rendering.image_panel import NEAR_M, draw_image, where_seen
 from shoot.rendering.line_style import driven_style
 from shoot.rendering.sample_view import FloatArray, Ranking, SampleView, from_origin
 
-NEAR_M = 0.5
 STEP_M = 0.1
 LIDAR_DEPTH_M = (3.0, 60.0)
 
@@ -46,24 +46,6 @@ def _runs(kept: NDArray[np.bool_]) -> list[slice]:
     ]
 
 
-def _seen(
-    pixels: Float[FloatArray, "*S 2"],
-    depth_m: Float[FloatArray, "*S"],
-    image_hw: tuple[int, int],
-    near_m: float,
-) -> NDArray[np.bool_]:
-    """Which points are in front of the camera and inside its image."""
-    height, width = image_hw
-    inside: NDArray[np.bool_] = (
-        (depth_m >= near_m)
-        & (pixels[..., 0] >= -0.5)
-        & (pixels[..., 0] <= width - 0.5)
-        & (pixels[..., 1] >= -0.5)
-        & (pixels[..., 1] <= height - 0.5)
-    )
-    return inside
-
-
 def project_path(
     path_m: Float[FloatArray, "T 2"],
     pixel_from_camera: Float[FloatArray, "3 3"],
@@ -81,7 +63,7 @@ def project_path(
     fine = subdivide(path_m, step_m)
     ground = np.concatenate([fine, np.zeros((len(fine), 1))], axis=-1)
     pixels, depth_m = project(ground, pixel_from_camera, ego_from_camera)
-    inside = _seen(pixels, depth_m, image_hw, near_m)
+    inside = where_seen(pixels, depth_m, image_hw, near_m)
     beside = inside.copy()
     beside[1:] |= inside[:-1]
     beside[:-1] |= inside[1:]
@@ -110,7 +92,7 @@ def project_ribbon(
     sides_m = np.stack([fine + 0.5 * width_m * left, fine - 0.5 * width_m * left])
     ground = np.concatenate([sides_m, np.zeros((*sides_m.shape[:2], 1))], axis=-1)
     pixels, depth_m = project(ground, pixel_from_camera, ego_from_camera)
-    inside = _seen(pixels, depth_m, image_hw, near_m).any(axis=0)
+    inside = where_seen(pixels, depth_m, image_hw, near_m).any(axis=0)
     beside = inside.copy()
     beside[1:] |= inside[:-1]
     beside[:-1] |= inside[1:]
@@ -125,14 +107,10 @@ def draw_camera(
     image = view.images[camera_idx]
     image_hw = (int(image.shape[0]), int(image.shape[1]))
     camera = (view.pixel_from_camera[camera_idx], view.ego_from_camera[camera_idx])
-    axes.imshow(image, interpolation="bicubic" if image_hw[1] < 600 else "antialiased", zorder=0)
-    axes.set_xlim(-0.5, image_hw[1] - 0.5)
-    axes.set_ylim(image_hw[0] - 0.5, -0.5)
-    axes.set_axis_off()
-
+    draw_image(axes, image, label)
     if view.lidar_points_ego is not None:
         pixels, depth_m = project(view.lidar_points_ego, *camera)
-        seen = _seen(pixels, depth_m, image_hw, NEAR_M)
+        seen = where_seen(pixels, depth_m, image_hw, NEAR_M)
         axes.scatter(
             pixels[seen, 0],
             pixels[seen, 1],
@@ -151,20 +129,6 @@ def draw_camera(
     if view.driven is not None:
         for pixels in project_path(from_origin(view.driven), *camera, image_hw):
             axes.plot(*pixels.T, gid="driven", zorder=5, **driven_style(2.4))
-    axes.text(
-        0.012,
-        0.97,
-        label,
-        parse_math=False,  # a camera may have dollars in its name
-        transform=axes.transAxes,
-        va="top",
-        ha="left",
-        fontsize=10.5,
-        color="white",
-        fontweight="bold",
-        path_effects=[Stroke(linewidth=2.5, foreground="#000000b0"), Normal()],
-        zorder=6,
-    )
 
 
 def _draw_planned(
@@ -202,7 +166,7 @@ def _draw_planned(
             gid="planned",
         )
     end, depth_m = project(np.array([[*path_m[-1], 0.0]]), *camera)
-    if _seen(end, depth_m, image_hw, NEAR_M)[0]:
+    if where_seen(end, depth_m, image_hw, NEAR_M)[0]:
         axes.plot(
             *end.T,
             marker="o",

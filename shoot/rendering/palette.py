@@ -28,4 +28,11 @@ DEPTH: Colormap = mpl.colormaps["plasma"]
 COUNT: Colormap = LinearSegmentedColormap.from_list(
     "count", mpl.colormaps["cividis_r"](np.linspace(0.12, 1.0, 64))
 )
+# Classes of a segmentation, as in the paper's figure 1: vehicles blue, road orange, lanes green.
+CLASSES = {
+    "drivable": "#e69f00",
+    "lane_boundary": "#009e73",
+    "vehicle": "#cc79a7",
+    "car": "#0072b2",
+}
 OFF_MAP = "#f3ecdf"  # ground the map does not cover

@@ -3,9 +3,6 @@
 Paper: figure 11 (ten best-ranked trajectories), with the camera images beside the map.
 """
 
-import textwrap
-from typing import Any
-
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
@@ -14,7 +11,6 @@ from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from lss_core.config import CAMERAS
 from shoot.rendering import palette
 from shoot.rendering.bev_panel import (
     Extent,
@@ -25,69 +21,13 @@ from shoot.rendering.bev_panel import (
     whole_extent,
 )
 from shoot.rendering.camera_panel import LIDAR_DEPTH_M, draw_camera
+from shoot.rendering.layout import EDGE_IN, WIDTH_IN, camera_label, lay_out_cameras, wrap
 from shoot.rendering.line_style import driven_style
 from shoot.rendering.rank_panel import describe_driven, draw_ranks
 from shoot.rendering.sample_view import Ranking, SampleView, rank
 
-WIDTH_IN = 12.0
-EDGE_IN = 0.15
-GAP_IN = 0.06
 MAP_IN = 4.7
 CLOSE_IN = 2.3
-TITLE_PT = 13.0
-TITLE_LINE_IN = 0.26
-CAPTION_LINE_IN = 0.25
-
-
-class _Page:
-    """Places axes by inches from the upper left corner."""
-
-    def __init__(self, width_in: float, height_in: float) -> None:
-        self.width_in, self.height_in = width_in, height_in
-        self.figure = Figure(figsize=(width_in, height_in), facecolor=palette.PAPER)
-
-    def axes(self, left_in: float, top_in: float, width_in: float, height_in: float) -> Axes:
-        bottom_in = self.height_in - top_in - height_in
-        return self.figure.add_axes(
-            (
-                left_in / self.width_in,
-                bottom_in / self.height_in,
-                width_in / self.width_in,
-                height_in / self.height_in,
-            )
-        )
-
-    def text(self, left_in: float, top_in: float, text: str, **style: Any) -> None:
-        self.figure.text(
-            left_in / self.width_in,
-            1.0 - top_in / self.height_in,
-            text,
-            va="top",
-            parse_math=False,  # a text of data may have dollars
-            **style,
-        )
-
-
-def wrap(text: str, width_in: float, size_pt: float, is_bold: bool = False) -> list[str]:
-    """Lines of a text that fit into a width, set in the figure's font at a size."""
-    # Width of letters as a share of the size: averages of DejaVu Sans in prose, and some to spare.
-    letter_pt = (0.68 if is_bold else 0.6) * size_pt
-    return textwrap.wrap(text, max(1, int(width_in * 72.0 / letter_pt)))
-
-
-def camera_places(names: tuple[str, ...]) -> tuple[list[tuple[int, int]], int, int]:
-    """(row, column) of each camera, and the numbers of rows and columns.
-
-    Cameras of nuScenes stand where they look: front row above, back row below, left on the left.
-    Other rigs are filled in row by row.
-    """
-    if len(set(names)) == len(names) and set(names) <= set(CAMERAS):
-        places = [divmod(CAMERAS.index(name), 3) for name in names]
-        used = sorted({row for row, _ in places})
-        return [(used.index(row), column) for row, column in places], len(used), 3
-    columns = min(max(len(names), 1), 3 if len(names) <= 6 else 4)
-    rows = -(-len(names) // columns)
-    return [divmod(idx, columns) for idx in range(len(names))], rows, columns
 
 
 def render_sample(view: SampleView) -> Figure:
@@ -97,30 +37,13 @@ def render_sample(view: SampleView) -> Figure:
     map forward is up and left is left. Save it with `save_figure`.
     """
     ranking = rank(view)
-    places, rows, columns = camera_places(view.camera_names)
-    image_height, image_width = view.images.shape[1:3]
-    cell_width_in = (WIDTH_IN - 2 * EDGE_IN - (columns - 1) * GAP_IN) / columns
-    cell_height_in = cell_width_in * image_height / image_width
-    title = wrap(view.title, WIDTH_IN - 2 * EDGE_IN, TITLE_PT, is_bold=True)
-    title_in = TITLE_LINE_IN * len(title)
-    head_in = EDGE_IN + title_in + (CAPTION_LINE_IN if view.caption else 0.0)
-    cameras_in = rows * (cell_height_in + GAP_IN)
-    map_top_in = head_in + cameras_in + 0.12
-    page = _Page(WIDTH_IN, map_top_in + MAP_IN + 0.88)
-    bold = {"fontsize": TITLE_PT, "fontweight": "bold", "color": palette.INK}
-    for number, line in enumerate(title):
-        page.text(EDGE_IN, 0.12 + number * TITLE_LINE_IN, line, **bold)
-    if view.caption:
-        page.text(EDGE_IN, 0.13 + title_in, view.caption, fontsize=10, color=palette.SOFT_INK)
-    for idx, (row, column) in enumerate(places):
-        axes = page.axes(
-            EDGE_IN + column * (cell_width_in + GAP_IN),
-            head_in + row * (cell_height_in + GAP_IN),
-            cell_width_in,
-            cell_height_in,
-        )
-        label = view.camera_names[idx].removeprefix("CAM_").replace("_", " ").lower()
-        draw_camera(axes, view, idx, ranking, label)
+    image_hw = view.images.shape[1:3]
+    laid_out = lay_out_cameras(
+        view.camera_names, image_hw, view.title, view.caption, rest_in=MAP_IN + 0.88
+    )
+    page, map_top_in = laid_out.page, laid_out.below_in
+    for idx, axes in enumerate(laid_out.cameras):
+        draw_camera(axes, view, idx, ranking, camera_label(view.camera_names[idx]))
 
     paths_m = all_paths(view, ranking)
     whole = whole_extent(view.grid, paths_m)

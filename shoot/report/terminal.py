@@ -1,15 +1,11 @@
 """A report as text for a terminal."""
 
-import io
-import math
-
-from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from shoot.evaluation.results import MODEL, Report, Results
-from shoot.metrics.bootstrap import Interval, name_groups
+from shoot.metrics.bootstrap import name_groups
+from shoot.report.cells import as_text, interval_cell, new_table, number, spaced
 
 # More columns than these do not fit beside each other.
 _PART_METHODS = 4
@@ -48,19 +44,19 @@ def format_table(report: Report, width: int = 80) -> str:
         report: What to show.
         width: Columns of the terminal; 80 are enough for any number of methods.
     """
-    console = Console(file=io.StringIO(), width=width, color_system=None)
-    with console.capture() as captured:
-        console.print(_ranking_table(report))
-        console.print(_driving_table(report))
-        console.print(Text(_driving_legend(report) + "\n"))
-        console.print(_parts_table(report))
-    return "\n".join(line.rstrip() for line in captured.get().splitlines()).strip("\n")
+    parts = (
+        _ranking_table(report),
+        _driving_table(report),
+        Text(_driving_legend(report) + "\n"),
+        _parts_table(report),
+    )
+    return as_text(parts, width)
 
 
 def _ranking_table(report: Report) -> Table:
     overall = report.overall
     seen = f"; {report.num_seen_scenes} SEEN in training" if report.num_seen_scenes else ""
-    table = _table(
+    table = new_table(
         f"Split '{report.split}': {overall.num_samples} samples of {overall.num_scenes} scenes "
         f"(95 % intervals over {name_groups(report.resampled, overall.num_groups)}){seen}"
     )
@@ -68,15 +64,15 @@ def _ranking_table(report: Report) -> Table:
     for _, header, _ in _RANKING_COLUMNS:
         table.add_column(header, justify="right", no_wrap=True)
     for name, metrics in overall.methods.items():
-        cells = (_cell(metrics[key], form) for key, _, form in _RANKING_COLUMNS)
-        table.add_row(Text(_spaced(name)), *cells)
+        cells = (interval_cell(metrics[key], form) for key, _, form in _RANKING_COLUMNS)
+        table.add_row(Text(spaced(name)), *cells)
     table.add_section()
     if overall.differences:
         table.add_row(Text(f"{MODEL} minus"))
     for name, metrics in overall.differences.items():
         forms = ((key, form.replace("{:", "{:+")) for key, _, form in _RANKING_COLUMNS)
-        cells = (_cell(metrics[key], form) for key, form in forms)
-        table.add_row(Text(_spaced(name)), *cells)
+        cells = (interval_cell(metrics[key], form) for key, form in forms)
+        table.add_row(Text(spaced(name)), *cells)
     return table
 
 
@@ -93,7 +89,7 @@ def _driving_table(report: Report) -> Table:
         for column in _driving_columns(moment_s or 0)
         if (was_checked and _is_check(column[0])) or any(column[0] in it for it in rows.values())
     ]
-    table = _table("Calibration, distances, safety")
+    table = new_table("Calibration, distances, safety")
     table.add_column("method", max_width=14)
     for _, header, _ in columns:
         table.add_column(header, justify="right", no_wrap=True)
@@ -101,10 +97,10 @@ def _driving_table(report: Report) -> Table:
         if name == "driver":
             table.add_section()
         cells = (
-            Text(_number(metrics[key].value, form) if key in metrics else _absent(key))
+            Text(number(metrics[key].value, form) if key in metrics else _absent(key))
             for key, _, form in columns
         )
-        table.add_row(Text(_spaced(name)), *cells)
+        table.add_row(Text(spaced(name)), *cells)
     return table
 
 
@@ -146,12 +142,12 @@ def _driving_legend(report: Report) -> str:
 
 def _parts_table(report: Report) -> Table:
     shown = _most_telling(report.overall)
-    table = _table("Part by part: top-10 %, NLL in nats")
+    table = new_table("Part by part: top-10 %, NLL in nats")
     table.add_column("part", no_wrap=True)
     table.add_column("samples", justify="right")
     table.add_column("scenes", justify="right")
     for name in shown:
-        table.add_column(_spaced(name), justify="right", min_width=10, max_width=10)
+        table.add_column(spaced(name), justify="right", min_width=10, max_width=10)
     for group in (report.by_manoeuvre, report.by_condition, report.by_speed):
         table.add_section()
         for part, results in group.items():
@@ -174,24 +170,3 @@ def _most_telling(overall: Results) -> list[str]:
     best = sorted(others, key=lambda name: -overall.methods[name]["top10"].value)
     chosen = first + best[: _PART_METHODS - len(first)]
     return [name for name in overall.methods if name in chosen]
-
-
-def _table(title: str) -> Table:
-    return Table(title=title, box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-
-
-def _cell(interval: Interval, form: str) -> Text:
-    """A mean, its interval (if it has one) beneath; as Text, since rich reads [ ] in str."""
-    value = _number(interval.value, form)
-    if math.isnan(interval.low):
-        return Text(value)
-    return Text(f"{value}\n[{form.format(interval.low)}, {form.format(interval.high)}]")
-
-
-def _number(value: float, form: str) -> str:
-    return "-" if math.isnan(value) else form.format(value)
-
-
-def _spaced(name: str) -> str:
-    """A name that can be broken into lines."""
-    return name.replace("_", " ")

@@ -89,11 +89,14 @@ def study_depth(run: TrainedRun, split: LabelledSplit, num_samples: int = 400) -
     """Ask a camera planner, with each kind of depth, about samples evenly spread over a split.
 
     Raises:
-        DataError: If it is a lidar planner, or a file is missing or damaged.
+        DataError: If the planner learns no depth, or a file is missing or damaged.
     """
     model = run.module.model
-    if not isinstance(model, CameraModel):
-        raise DataError("Depth is studied on camera planners; this run reads lidar.")
+    if not isinstance(model, CameraModel) or model.config.lift != "depth":
+        raise DataError(
+            "Depth is studied on camera planners that learn it (lift 'depth'); this run reads "
+            "lidar, or images in another way."
+        )
     count = min(num_samples, len(split.labels))
     positions = np.linspace(0, len(split.labels) - 1, count).round().astype(np.int64)
     labels, scene = split.labels[positions], split.futures.scene[positions]

@@ -12,6 +12,11 @@ from .planning.task import Planning as Planning
 from .planning.task import PlanningModule as PlanningModule
 from .planning.task import train as train
 from .run_folder import RunFolder as RunFolder
+from .segmentation.config import SegmentConfig as SegmentConfig
+from .segmentation.data import SegmentBatch as SegmentBatch
+from .segmentation.data import SegmentSplit as SegmentSplit
+from .segmentation.task import Segmentation as Segmentation
+from .segmentation.task import segment as segment
 from .task import Task as Task
 
 __all__ = [
@@ -23,11 +28,16 @@ __all__ = [
     "PlanningRun",
     "RunConfig",
     "RunFolder",
+    "SegmentBatch",
+    "SegmentConfig",
+    "SegmentSplit",
+    "Segmentation",
     "Task",
     "TaskData",
     "TaskModule",
     "TrainConfig",
     "fit",
     "load_split",
+    "segment",
     "train",
 ]

@@ -2,7 +2,7 @@
 
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 import yaml
 from pydantic import ConfigDict, TypeAdapter, ValidationError
@@ -11,9 +11,13 @@ from lss_core.bounds import MAX_COUNT, Bounds, Count, Seed, SettingError, check_
 from lss_core.config import DataConfig, ModelConfig
 from lss_core.errors import DataError
 from lss_core.files import write_atomically
+from lss_core.legible import legible
 from shoot.training.device import Accelerator
 
 Precision = Literal["32-true", "bf16-mixed", "16-mixed"]
+PLANNING = "planning"
+CONFIG_FILE = "config.yaml"
+_TASK = "task"
 _Several = Annotated[int, Bounds(0, MAX_COUNT)]
 _Processes = Annotated[int, Bounds(1, 65_536)]
 ConfigT = TypeVar("ConfigT", bound="RunConfig")
@@ -56,6 +60,7 @@ class RunConfig:
     """One training run; what only some tasks know, theirs add.
 
     Attributes:
+        task: Which task's it is; a config file that names none is of planning.
         out: Run folder.
         data: Which data.
         model: Network from images or lidar points to the map.
@@ -82,6 +87,8 @@ class RunConfig:
 
     # A misspelt key in a config file must not pass for the default; nested classes inherit this.
     __pydantic_config__ = ConfigDict(extra="forbid")
+
+    task: ClassVar[str] = PLANNING
 
     out: str
     data: DataConfig = field(default_factory=DataConfig)
@@ -119,6 +126,11 @@ class RunConfig:
                     f"{name} is {side}, but must be a multiple of image_stride, "
                     f"{self.model.image_stride}."
                 )
+        if self.optim.depth_weight > 0.0 and self.model.lift != "depth":
+            raise SettingError(
+                f"depth_weight is {self.optim.depth_weight:g}, but must be 0 with lift "
+                f"'{self.model.lift}', which learns no depth."
+            )
         if self.optim.depth_weight > 0.0 and len(self.model.depth.depths_m) < 2:
             raise SettingError(
                 "There is one depth, but depth_weight needs two or more to tell apart; choose a "
@@ -141,29 +153,56 @@ class RunConfig:
 
     def save(self, path: Path) -> None:
         """Write it as YAML."""
+        task = {} if self.task == PLANNING else {_TASK: self.task}
         with write_atomically(path) as stream:
-            stream.write(yaml.safe_dump(_plain(asdict(self)), sort_keys=False).encode())
+            stream.write(yaml.safe_dump(task | _plain(asdict(self)), sort_keys=False).encode())
 
     @classmethod
     def load(cls: type[ConfigT], path: Path) -> ConfigT:
         """Read it from YAML.
 
         Raises:
-            DataError: If the file is missing or does not fit.
+            DataError: If the file is missing, of another task or does not fit.
         """
-        if not path.is_file():
-            raise DataError(f"'{path.parent}' is no run folder: it has no {path.name}.")
+        loaded = _read(path)
+        task = loaded.pop(_TASK, PLANNING) if isinstance(loaded, dict) else cls.task
+        if task != cls.task:
+            raise DataError(
+                f"'{path.parent}' is a run of the task {legible(str(task))[:40]}, where one of "
+                f"{cls.task} is wanted."
+            )
         try:
-            loaded = _in_todays_words(yaml.safe_load(path.read_text(encoding="utf-8")))
-            return TypeAdapter(cls).validate_python(loaded)
+            return TypeAdapter(cls).validate_python(_in_todays_words(loaded))
         except ValidationError as error:
             wrong = "; ".join(
                 f"{'.'.join(str(part) for part in detail['loc'])}: {detail['msg']}"
                 for detail in error.errors()
             )
             raise DataError(f"'{path}' is no training config ({wrong}).") from error
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
-            raise DataError(f"'{path}' is no training config: {error}") from error
+
+
+def task_of(folder: Path) -> str:
+    """Name of the task that a run was trained for.
+
+    Raises:
+        DataError: If the folder is no run folder.
+    """
+    loaded = _read(folder / CONFIG_FILE)
+    return str(loaded.get(_TASK, PLANNING)) if isinstance(loaded, dict) else PLANNING
+
+
+def _read(path: Path) -> Any:
+    """What a config file holds.
+
+    Raises:
+        DataError: If it is missing, or no YAML.
+    """
+    if not path.is_file():
+        raise DataError(f"'{path.parent}' is no run folder: it has no {path.name}.")
+    try:
+        return yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise DataError(f"'{path}' is no training config: {error}") from error
 
 
 def _in_todays_words(loaded: Any) -> Any:

@@ -13,7 +13,7 @@ from pytorch_lightning.utilities import rank_zero_only
 from lss_core.errors import DataError
 from lss_core.files import clear_leftovers, write_atomically
 from shoot.training.checkpoint_file import read_checkpoint, read_weights
-from shoot.training.config import ConfigT, RunConfig
+from shoot.training.config import CONFIG_FILE, ConfigT, RunConfig
 from shoot.training.task import Task
 
 LAST, BEST = "last.ckpt", "best.ckpt"
@@ -33,7 +33,7 @@ class RunFolder:
     @property
     def config_file(self) -> Path:
         """What the run was told."""
-        return self.folder / "config.yaml"
+        return self.folder / CONFIG_FILE
 
     @property
     def checkpoints(self) -> Path:

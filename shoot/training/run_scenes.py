@@ -139,6 +139,29 @@ def check_unseen(scored: Sequence[KnownScene], seen: Sequence[KnownScene], what:
         )
 
 
+def count_seen(
+    scored: Sequence[KnownScene],
+    trained: Sequence[KnownScene],
+    fitted: Sequence[KnownScene] = (),
+    allow: bool = False,
+) -> int:
+    """How many scenes to be scored a run has seen, if that is allowed.
+
+    Args:
+        scored: Scenes to be scored.
+        trained: Scenes the run was trained on.
+        fitted: Scenes its templates were fitted on.
+        allow: Whether it may have seen any.
+
+    Raises:
+        DataError: If it has, and may not.
+    """
+    if not allow:
+        check_unseen(scored, trained, TRAINED_ON)
+        check_unseen(scored, fitted, FITTED_ON)
+    return len({scene for scene, _ in find_shared(scored, (*trained, *fitted))})
+
+
 def check_apart(
     held_out: Sequence[KnownScene], used: Sequence[KnownScene], held_out_split: str, split: str
 ) -> None:

@@ -258,6 +258,12 @@ def test_what_does_not_fit_together_is_refused() -> None:
             optim=replace(DEMO.optim, depth_weight=1.0),
             model=replace(DEMO.model, depth=DepthBins(4.0, 46.0, 42.0)),
         )
+    with pytest.raises(SettingError, match="lift 'oft', which learns no depth"):
+        replace(
+            DEMO,
+            optim=replace(DEMO.optim, depth_weight=1.0),
+            model=replace(DEMO.model, lift="oft"),
+        )
     # Of a lidar planner's no image needs to fit.
     lidar = PRESETS["lidar1"][1]
     replace(lidar, data=replace(lidar.data, image=replace(lidar.data.image, height_px=36)))

@@ -11,7 +11,8 @@ from test_bad_commands import complaint, evaluate, render, run  # noqa: F401
 from tiny_tables import VERSION, read_table, write_table
 from world_fixture import TinyRun
 
-from lss_core.data.annotations.drivable import has_map, load_drivable_area, map_path
+from lss_core.data.annotations.drivable import load_drivable_area
+from lss_core.data.annotations.map_file import has_map, map_path
 from lss_core.data.tables.file_names import is_plain, leads_astray
 from lss_core.errors import DataError
 from lss_core.legible import legible

@@ -1,56 +1,21 @@
 """The camera model as a whole: the paper's symmetries, masks, sizes."""
 
 import dataclasses
-import math
 
 import pytest
 import torch
+from small_rig import IMAGE_HW, SMALL, rig
 from torch import Tensor
 
 from lss_core.batch import Batch
 from lss_core.bev_encoder import BevEncoder
 from lss_core.camera import frustum_points
-from lss_core.config import DepthBins, ModelConfig
+from lss_core.config import ModelConfig
 from lss_core.grid import BevGrid
 from lss_core.model import CameraModel
 from lss_core.splat import lift_splat
 
 pytestmark = pytest.mark.trains
-
-IMAGE_HW = (64, 96)
-SMALL = ModelConfig(
-    backbone="plain-8-12-16-20",
-    pretrained="none",
-    context_channels=6,
-    image_stride=8,
-    neck_channels=8,
-    stem_channels=4,
-    decoder_channels=8,
-    depth=DepthBins(4.0, 24.0, 2.0),
-    grid=BevGrid(-8.0, 16.0, -12.0, 12.0, 1.0),
-    head_init_std=0.1,
-)
-
-
-def _rig(num_samples: int = 2, num_cameras: int = 3) -> tuple[Tensor, Tensor, Tensor]:
-    """Images, intrinsics and poses of cameras that look around, each tilted a little."""
-    generator = torch.Generator().manual_seed(0)
-    images = torch.randint(
-        0, 256, (num_samples, num_cameras, 3, *IMAGE_HW), generator=generator, dtype=torch.uint8
-    )
-    intrinsics = torch.tensor([[60.0, 0.0, 46.0], [0.0, 62.0, 30.0], [0.0, 0.0, 1.0]])
-    poses = torch.zeros(num_samples, num_cameras, 4, 4)
-    look = torch.tensor([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-    for n in range(num_cameras):
-        yaw_rad, tilt_rad = 0.3 + 1.1 * n, 0.05 * (n + 1)
-        cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
-        turn = torch.tensor([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-        cos, sin = math.cos(tilt_rad), math.sin(tilt_rad)
-        tilt = torch.tensor([[1.0, 0.0, 0.0], [0.0, cos, -sin], [0.0, sin, cos]])
-        poses[:, n, :3, :3] = turn @ look @ tilt
-        poses[:, n, :3, 3] = torch.tensor([0.3 + 0.2 * n, 0.1 * n, 1.6])
-    poses[..., 3, 3] = 1.0
-    return images, intrinsics.expand(num_samples, num_cameras, 3, 3).clone(), poses
 
 
 def _model(config: ModelConfig = SMALL, out_channels: int = 1) -> CameraModel:
@@ -65,7 +30,7 @@ def _mask(images: Tensor) -> Tensor:
 @torch.no_grad()
 def test_moving_image_and_principal_point_by_whole_cells_changes_nothing() -> None:
     """Symmetry 1 of the paper: translation of the pixels."""
-    _, intrinsics, poses = _rig(1, 3)
+    _, intrinsics, poses = rig(1, 3)
     context = torch.randn(1, 3, 6, 8, 12)
     depth_prob = torch.randn(1, 3, 10, 8, 12).softmax(dim=2)
     # What would leave the image at the right or below, and come in at the left or above, is empty.
@@ -91,7 +56,7 @@ def test_moving_image_and_principal_point_by_whole_cells_changes_nothing() -> No
 @torch.no_grad()
 def test_the_order_of_cameras_does_not_matter() -> None:
     """Symmetry 2 of the paper."""
-    images, intrinsics, poses = _rig()
+    images, intrinsics, poses = rig()
     model = _model()
     order = [2, 0, 1]
     expected = model(images, intrinsics, poses)
@@ -103,13 +68,13 @@ def test_the_order_of_cameras_does_not_matter() -> None:
 @torch.no_grad()
 def test_moving_the_ego_frame_by_whole_cells_moves_the_map() -> None:
     """Symmetry 3 of the paper, for moves that keep cells whole."""
-    images, intrinsics, poses = _rig()
+    images, intrinsics, poses = rig()
     model = _model()
-    expected = model.splat(images, intrinsics, poses, _mask(images))
+    expected = model.bev_features(images, intrinsics, poses, _mask(images))
     moved = poses.clone()
     moved[..., 0, 3] += 3.0
     moved[..., 1, 3] -= 2.0
-    result = model.splat(images, intrinsics, moved, _mask(images))
+    result = model.bev_features(images, intrinsics, moved, _mask(images))
     assert expected[..., :-3, 2:].abs().max() > 1e-3
     close = torch.isclose(result[..., 3:, :-2], expected[..., :-3, 2:], atol=1e-5)
     # Rounding may carry a point that lies on a cell's border over it, not more than that.
@@ -118,13 +83,13 @@ def test_moving_the_ego_frame_by_whole_cells_moves_the_map() -> None:
 
 @torch.no_grad()
 def test_turning_the_ego_frame_by_a_right_angle_turns_the_map() -> None:
-    images, intrinsics, poses = _rig()
+    images, intrinsics, poses = rig()
     model = _model(dataclasses.replace(SMALL, grid=BevGrid(-12.0, 12.0, -12.0, 12.0, 1.0)))
     quarter = torch.tensor(
         [[0.0, -1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
     )
-    expected = model.splat(images, intrinsics, poses, _mask(images))
-    result = model.splat(images, intrinsics, quarter @ poses, _mask(images))
+    expected = model.bev_features(images, intrinsics, poses, _mask(images))
+    result = model.bev_features(images, intrinsics, quarter @ poses, _mask(images))
     close = torch.isclose(result, expected.rot90(1, (-2, -1)), atol=1e-5)
     assert close.float().mean() > 0.995
     assert torch.isclose(result, expected, atol=1e-5).float().mean() < 0.9
@@ -132,7 +97,7 @@ def test_turning_the_ego_frame_by_a_right_angle_turns_the_map() -> None:
 
 @pytest.mark.parametrize("training", [False, True])
 def test_a_masked_camera_changes_nothing(training: bool) -> None:
-    images, intrinsics, poses = _rig()
+    images, intrinsics, poses = rig()
     expected = _model().train(training)(images, intrinsics, poses)
     # One more camera with a bright image and a calibration that cannot even be inverted.
     more = torch.cat([images, torch.full_like(images[:, :1], 255)], dim=1)
@@ -148,7 +113,7 @@ def test_a_masked_camera_changes_nothing(training: bool) -> None:
 
 @torch.no_grad()
 def test_masks_that_differ_within_a_batch_equal_each_sample_alone() -> None:
-    images, intrinsics, poses = _rig()
+    images, intrinsics, poses = rig()
     mask = torch.tensor([[True, False, True], [False, True, False]])
     together = _model()(images, intrinsics, poses, mask)
     for b in range(2):
@@ -161,7 +126,7 @@ def test_masks_that_differ_within_a_batch_equal_each_sample_alone() -> None:
 
 @torch.no_grad()
 def test_without_any_camera_the_map_is_that_of_an_empty_grid() -> None:
-    images, intrinsics, poses = _rig()
+    images, intrinsics, poses = rig()
     model = _model()
     result = model(images, intrinsics, poses, ~_mask(images))
     torch.testing.assert_close(result, model.bev_encoder(torch.zeros(2, 6, 24, 24)))
@@ -169,7 +134,7 @@ def test_without_any_camera_the_map_is_that_of_an_empty_grid() -> None:
 
 @torch.no_grad()
 def test_bytes_and_fractions_are_the_same_image() -> None:
-    images, intrinsics, poses = _rig()
+    images, intrinsics, poses = rig()
     model = _model()
     expected = model(images, intrinsics, poses)
     no_points = torch.zeros(0, 5), torch.zeros(2, dtype=torch.long)
@@ -179,7 +144,7 @@ def test_bytes_and_fractions_are_the_same_image() -> None:
 
 @torch.no_grad()
 def test_an_unchanged_calibration_is_not_indexed_again() -> None:
-    images, intrinsics, poses = _rig()
+    images, intrinsics, poses = rig()
     model = _model()
     poses[1, 0, 0, 3] += 1.0
     first = model(images, intrinsics, poses)
@@ -196,11 +161,11 @@ def test_an_unchanged_calibration_is_not_indexed_again() -> None:
 
 @torch.no_grad()
 def test_the_splat_is_float32_under_mixed_precision() -> None:
-    images, intrinsics, poses = _rig()
+    images, intrinsics, poses = rig()
     model = _model()
-    expected = model.splat(images, intrinsics, poses, _mask(images))
+    expected = model.bev_features(images, intrinsics, poses, _mask(images))
     with torch.autocast("cpu", dtype=torch.bfloat16):
-        result = model.splat(images, intrinsics, poses, _mask(images))
+        result = model.bev_features(images, intrinsics, poses, _mask(images))
     assert result.dtype == torch.float32
     assert (result - expected).abs().max() < 0.05 * expected.abs().max()
 
@@ -214,7 +179,7 @@ def test_the_papers_network_has_the_papers_size() -> None:
 
 
 def test_every_parameter_learns() -> None:
-    images, intrinsics, poses = _rig()
+    images, intrinsics, poses = rig()
     model = _model().train()
     model(images, intrinsics, poses).square().sum().backward()
     still = [n for n, p in model.named_parameters() if p.grad is None or not p.grad.abs().sum() > 0]
@@ -255,7 +220,7 @@ def test_costs_start_almost_equal_and_a_single_channel_has_no_bias() -> None:
 
 
 def test_images_of_another_size_are_refused() -> None:
-    images, intrinsics, poses = _rig()
+    images, intrinsics, poses = rig()
     with pytest.raises(ValueError, match="made for images of"):
         _model()(images[..., :48], intrinsics, poses)
     with pytest.raises(ValueError, match="multiples of image_stride=8"):

@@ -15,11 +15,13 @@ from host_waits import NoHostWaits
 from world_fixture import TinyRun, command
 
 from lss_core.batch import Batch
+from lss_core.errors import DataError
 from shoot.prediction import fast
 from shoot.prediction.compiler_cache import frozen_weights, processor_tag
 from shoot.prediction.fast import FastPlanner
 from shoot.prediction.run import TrainedRun, batches, open_run
 from shoot.training.planning.data import load_split
+from shoot.training.planning.task import PlanningModule
 
 
 @pytest.fixture
@@ -49,6 +51,31 @@ def test_uncompiled_float32_gives_the_same_scores(
     assert expected.std() > 0.1
     scores = FastPlanner(trained.module, compiled=False)(sensors)
     torch.testing.assert_close(scores, expected, rtol=1e-4, atol=1e-4)
+
+
+def _with_lift(trained: TrainedRun, lift: str) -> PlanningModule:
+    torch.manual_seed(0)
+    config = replace(trained.config, model=replace(trained.config.model, lift=lift))
+    return PlanningModule(config, trained.templates).eval()
+
+
+def test_depths_all_alike_are_predicted_too(
+    trained: TrainedRun, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _in_float32(monkeypatch)
+    sensors, module = _sensors(trained), _with_lift(trained, "uniform")
+    with torch.no_grad():
+        module.model.bev_encoder.head.weight *= 100.0
+        expected = module(sensors)
+    assert expected.std() > 0.01
+    scores = FastPlanner(module, compiled=False)(sensors)
+    torch.testing.assert_close(scores, expected, rtol=1e-4, atol=1e-4)
+
+
+@pytest.mark.parametrize("lift", ["cnn", "oft"])
+def test_other_lifts_are_refused(trained: TrainedRun, lift: str) -> None:
+    with pytest.raises(DataError, match=f"whose lift is '{lift}'"):
+        FastPlanner(_with_lift(trained, lift))
 
 
 def test_a_masked_camera_plays_no_part(

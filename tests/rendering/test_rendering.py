@@ -12,7 +12,7 @@ from lss_core.grid import BevGrid
 from shoot.rendering import SampleView, palette, render_sample, render_templates, save_figure
 from shoot.rendering.bev_panel import close_extent, cost_range, draw_driven, draw_ego, whole_extent
 from shoot.rendering.camera_panel import project_path, project_ribbon, subdivide
-from shoot.rendering.sample_figure import camera_places
+from shoot.rendering.layout import camera_places
 from shoot.rendering.sample_view import from_origin, rank
 
 # A camera 1.5 m above the ego origin that looks forward: (x, y, 0) is seen at

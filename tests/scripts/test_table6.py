@@ -31,6 +31,7 @@ def table(monkeypatch: pytest.MonkeyPatch) -> Any:
         experiments = importlib.import_module("planning_table.experiments")
         page = importlib.import_module("planning_table.page")
         records = importlib.import_module("planning_table.records")
+        queue = importlib.import_module("run_queue")
         work = importlib.import_module("planning_table.work")
 
     return Modules
@@ -46,7 +47,7 @@ def place(table: Any, tiny_run: TinyRun, tmp_path: Path) -> Any:
     card = folder / "world" / "world.json"
     if not card.exists():
         card.write_text('{"train_scenes": 4, "val_scenes": 3, "seed": 0}')
-    return table.work.Place(folder, tmp_path / "records")
+    return table.queue.Place(folder, tmp_path / "records")
 
 
 def names_of_tables(table: Any) -> list[str]:
@@ -115,7 +116,7 @@ def test_a_record_alone_tells_that_a_run_is_done(table: Any, place: Any, tmp_pat
     assert not any((place.folder / run.name).exists() for run in runs)
 
     page = marked_page(table, tmp_path, "outdated words")
-    table.page.write_tables(table.records.load_records(place.records), tmp_path)
+    table.page.write_tables(table.queue.load_records(place.records), tmp_path)
     text = page.read_text()
     assert text.startswith("Before\n")
     assert text.endswith("after\n")
@@ -131,10 +132,11 @@ def test_what_ends_the_queue_ends_its_runs_with_a_checkpoint(place: Any) -> None
         "import signal, sys\n"
         "from pathlib import Path\n"
         "signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))\n"
-        "from planning_table import experiments, work\n"
+        "from planning_table import work\n"
+        "import run_queue\n"
         "folder, records, *flags = sys.argv[1:]\n"
-        "runs = [experiments.Experiment('camera', 'small', seed) for seed in (0, 1)]\n"
-        "work.run_all(runs, work.Place(Path(folder), Path(records)), 1, flags)\n"
+        "runs = [run_queue.Experiment('camera', 'small', seed) for seed in (0, 1)]\n"
+        "work.run_all(runs, run_queue.Place(Path(folder), Path(records)), 1, flags)\n"
     )
     flags = [*SMALL_FLAGS, "--optim.steps", "100000", "--val-every", "100000"]
     queue = subprocess.Popen(
@@ -214,7 +216,7 @@ def test_scenes_of_one_log_are_drawn_together(table: Any) -> None:
 
 def test_a_change_is_measured_from_the_mean_over_seeds(table: Any, tmp_path: Path) -> None:
     """Every scene alike, so by hand: 44 beside 50, 52 and 54."""
-    one = table.records.load_records(ROOT / "docs" / "results")
+    one = table.queue.load_records(ROOT / "docs" / "results")
     names = ("camera-half-steps-0", "camera-0", "camera-1", "camera-2", "lidar10-0")
     records = [json.loads(json.dumps(next(r for r in one if r["name"] == n))) for n in names]
     for record, top10 in zip(records, (44.0, 50.0, 52.0, 54.0, 90.0), strict=True):
@@ -243,7 +245,7 @@ def test_the_rivals_have_a_table_of_their_own(table: Any) -> None:
 
 
 def test_runs_made_twice_are_compared_as_far_as_both_are_there(table: Any) -> None:
-    records = table.records.load_records(ROOT / "docs" / "results")
+    records = table.queue.load_records(ROOT / "docs" / "results")
     again = json.loads(json.dumps([r for r in records if r["planner"] != "lidar1"]))
     for record in again:
         for scene in record["by_scene"].values():
@@ -279,9 +281,9 @@ def test_the_pages_hold_what_the_records_say(
         copy.parent.mkdir(parents=True, exist_ok=True)
         copy.write_text(page.read_text(encoding="utf-8"), encoding="utf-8")
     folder = ROOT / "docs" / "results"
-    records = [table.records.load_records(part) for part in (folder, folder / "again")]
+    records = [table.queue.load_records(part) for part in (folder, folder / "again")]
     table.page.write_tables(records[0], tmp_path, records[1])
-    marked.fill_pages(tmp_path, study.tables(table.records.load_records(folder / "frustum")))
+    marked.fill_pages(tmp_path, study.tables(table.queue.load_records(folder / "frustum")))
     for page in pages:
         assert (tmp_path / page.relative_to(ROOT)).read_text() == page.read_text(), page.name
 

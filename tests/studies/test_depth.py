@@ -1,6 +1,7 @@
 """Depth told by the lidar: where points fall, what becomes of the distribution, and the study."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from shoot.studies.depth import (
     tell_depth,
 )
 from shoot.training.planning.data import load_split
+from shoot.training.planning.task import PlanningModule
 
 DEPTHS_M = (4.0, 6.0, 8.0, 10.0)
 
@@ -49,6 +51,15 @@ def test_the_study_of_a_run(tiny_run: TinyRun, tmp_path: Path):
     assert json.loads((tmp_path / "study.json").read_text())["num_samples"] == 6
     text = format_depth_study(study)
     assert all(name in text for name in (*DEPTHS, "4-10 m"))
+
+
+def test_planners_that_learn_no_depth_are_refused(tiny_run: TinyRun):
+    run = open_run(tiny_run.folder)
+    split = load_split(run.config.data, "val", run.templates)
+    uniform = replace(run.config, model=replace(run.config.model, lift="uniform"))
+    module = PlanningModule(uniform, run.templates)
+    with pytest.raises(DataError, match="that learn it"):
+        study_depth(replace(run, module=module), split)
 
 
 def test_lidar_planners_are_refused(tiny_run: TinyRun, monkeypatch: pytest.MonkeyPatch):

@@ -6,12 +6,16 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from devkit_labels import check_labels
 from nuscenes import NuScenes
 from nuscenes.map_expansion.map_api import NuScenesMap
 from PIL import Image
 from small_city import DURATION_S, config
 
 from lss_core.data.splits import official_scenes
+from lss_core.grid import BevGrid
+from lss_core.labels import sample_labels
+from lss_core.labels.roads import LINE_WIDTH_M
 from shoot.world import writer
 from shoot.world.config import VERSION
 from shoot.world.looks.scenery import ego_pose
@@ -251,3 +255,15 @@ def test_keyframes_of_the_tail_have_boxes_and_a_sweep_but_no_images(tmp_path: Pa
     turns = [r for r in data if not r["is_key_frame"] and r["timestamp"] - first_us > 1.0e6]
     assert turns
     assert not any((tmp_path / "w" / row["filename"]).exists() for row in turns)
+
+
+def test_labels_are_what_the_devkit_says(root: Path, nusc: NuScenes):
+    grid = BevGrid()
+    for scene in (nusc.scene[0], nusc.scene[-1]):
+        token = scene["last_sample_token"]
+        maps = NuScenesMap(str(root), nusc.get("log", scene["log_token"])["location"])
+        centre, released = (
+            sample_labels(root, VERSION, token, grid, rule=rule) for rule in ("centre", "released")
+        )
+        check_labels(nusc, maps, token, grid, centre, released, LINE_WIDTH_M)
+        assert all(centre[name].any() for name in ("car", "vehicle", "drivable"))

@@ -10,22 +10,16 @@ from numpy.typing import NDArray
 
 from lss_core.data.annotations.box_tracks import lacks_tracks
 from lss_core.data.annotations.categories import is_road_user
+from lss_core.data.annotations.records import global_from_boxes, read_kinds, sizes_of
 from lss_core.data.samples import SampleIndex
-from lss_core.data.tables.by_token import ByToken
-from lss_core.data.tables.problems import transform_flaws
 from lss_core.data.tables.reading import (
     ANNOTATION_TABLES,
     Annotation,
-    Category,
-    Instance,
     read_pieces,
-    read_table,
     table_path,
 )
 from lss_core.errors import DataError
-from lss_core.geometry import FloatArray, rigid_from_quaternion, yaw_of
-
-_LONGEST_M = 1000.0
+from lss_core.geometry import FloatArray, yaw_of
 
 
 @dataclass(frozen=True)
@@ -126,18 +120,7 @@ def read_boxes(folder: Path, index: SampleIndex, scenes: NDArray[np.int64]) -> B
 
 
 def _read(folder: Path, index: SampleIndex, scenes: NDArray[np.int64]) -> Boxes:
-    categories = read_table(folder, Category)
-    kind = ByToken(folder, Category, Instance, ((c.token, c.name) for c in categories))
-    kind_of = ByToken(
-        folder,
-        Instance,
-        Annotation,
-        (
-            (instance.token, kind[instance.category_token])
-            for piece in read_pieces(folder, Instance)
-            for instance in piece
-        ),
-    )
+    kind_of = read_kinds(folder)
     wanted = np.flatnonzero(np.isin(index.sample_scene, scenes))
     tokens = index.sample_token[wanted].tolist()
     row_of = dict(zip(tokens, wanted.tolist(), strict=True))
@@ -163,8 +146,9 @@ def _read(folder: Path, index: SampleIndex, scenes: NDArray[np.int64]) -> Boxes:
                 category.append(kind_of[record.instance_token])
             number.append(number_of[key])
         sample.append(np.asarray(rows, dtype=np.int64))
-        pose.append(_poses(folder, own))
-        size_m.append(_sizes(folder, own))
+        global_from_box = global_from_boxes(folder, own)
+        pose.append(np.column_stack([global_from_box[:, :2, 3], yaw_of(global_from_box)]))
+        size_m.append(sizes_of(folder, own)[:, :2])
     if not sample:
         return _none(annotated, dict(num_annotations))
     scene_of = np.asarray([scene for scene, _ in number_of], dtype=np.int64)
@@ -217,38 +201,6 @@ def _check_once(
         f"{instance}' at one sample '{sample}' ({len(twice)} such pairs): an object has one box at "
         "a time; mend the table."
     )
-
-
-def _poses(folder: Path, records: list[Annotation]) -> FloatArray:
-    """[R, 3] x, y and heading."""
-    translation_m = np.asarray([record.translation for record in records])
-    quaternion = np.asarray([record.rotation for record in records])
-    for record, flaw in zip(
-        records, transform_flaws(translation_m, quaternion, is_mounting=False), strict=True
-    ):
-        if flaw:
-            raise _bad(folder, record, flaw)
-    global_from_box = rigid_from_quaternion(translation_m, quaternion)
-    poses: FloatArray = np.concatenate(
-        [global_from_box[:, :2, 3], yaw_of(global_from_box)[:, None]], axis=1
-    )
-    return poses
-
-
-def _sizes(folder: Path, records: list[Annotation]) -> FloatArray:
-    """[R, 2] length and width, which the table has the other way round."""
-    sizes_m: FloatArray = np.asarray([record.size for record in records])[:, [1, 0]]
-    # Comparisons with what is no number are false.
-    good = ((sizes_m > 0.0) & (sizes_m < _LONGEST_M)).all(axis=-1)
-    if not good.all():
-        record = records[int(good.argmin())]
-        raise _bad(folder, record, f"size {list(record.size)} m")
-    return sizes_m
-
-
-def _bad(folder: Path, record: Annotation, flaw: str) -> DataError:
-    path = table_path(folder, Annotation)
-    return DataError(f"Record '{record.token}' of the table '{path}' has {flaw}; mend it.")
 
 
 def _most_first(counts: Mapping[str, int]) -> dict[str, int]:

@@ -37,8 +37,13 @@ _PASSED_OVER = frozenset(
 
 def is_road_user(category: str) -> bool | None:
     """Whether a category is of vehicles or people; None if nobody knows the name."""
-    words = "_".join(category.strip().lower().replace("-", " ").replace("_", " ").split())
-    kind = words.split(".")[0].removeprefix("type_")
+    kind = plain_name(category).split(".")[0]
     if kind in _COUNTED:
         return True
     return False if kind in _PASSED_OVER else None
+
+
+def plain_name(category: str) -> str:
+    """A category's name in small letters, its words joined by underscores, as `vehicle.car`."""
+    words = "_".join(category.strip().lower().replace("-", " ").replace("_", " ").split())
+    return words.removeprefix("type_")

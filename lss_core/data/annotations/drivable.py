@@ -1,57 +1,19 @@
 """Where cars may drive: the drivable area of nuScenes' map expansion."""
 
 import logging
-import math
 from collections.abc import Sequence
 from pathlib import Path
 
-import msgspec
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from lss_core.data.annotations.map_file import MapRecords, read_map
 from lss_core.data.annotations.rings import area_of_rings
-from lss_core.data.tables.file_names import is_plain
-from lss_core.data.tables.reading import decode_json
-from lss_core.errors import DataError
 from lss_core.geometry import FloatArray
 from lss_core.legible import legible
 
 logger = logging.getLogger(__name__)
-
-_DAMAGE = (
-    ValueError,
-    OverflowError,
-    RecursionError,
-    msgspec.ValidationError,  # of late a ValueError
-    shapely.errors.ShapelyError,
-)
-
-
-class _Node(msgspec.Struct, gc=False):
-    token: str
-    x: float
-    y: float
-
-
-class _Hole(msgspec.Struct, gc=False):
-    node_tokens: list[str]
-
-
-class _Polygon(msgspec.Struct, gc=False):
-    token: str
-    exterior_node_tokens: list[str]
-    holes: list[_Hole]
-
-
-class _Area(msgspec.Struct, gc=False):
-    polygon_tokens: list[str]
-
-
-class _Map(msgspec.Struct, gc=False):
-    node: list[_Node]
-    polygon: list[_Polygon]
-    drivable_area: list[_Area]
 
 
 class DrivableArea:
@@ -87,25 +49,6 @@ class DrivableArea:
         return inside
 
 
-def map_path(root: Path, location: str) -> Path:
-    """Where a data set has the map expansion of a location.
-
-    Raises:
-        DataError: If the location is no name of a file.
-    """
-    if not is_plain(location):
-        raise DataError(
-            f"The location '{location}' of the log table cannot be the name of a map's file; name "
-            "it otherwise there."
-        )
-    return root / "maps" / "expansion" / f"{location}.json"
-
-
-def has_map(root: Path, location: str) -> bool:
-    """Whether a data set has the map expansion of a location."""
-    return is_plain(location) and map_path(root, location).is_file()
-
-
 def load_drivable_area(root: Path, location: str) -> DrivableArea:
     """The drivable area of a location, as `boston-seaport`.
 
@@ -119,31 +62,22 @@ def load_drivable_area(root: Path, location: str) -> DrivableArea:
     Raises:
         DataError: If the map is missing or damaged, or the location is no name of a file.
     """
-    path = map_path(root, location)
-    anew = "unpack the nuScenes map expansion (nuScenes-map-expansion-v1.3.zip)"
-    try:
-        layers: _Map = decode_json(path.read_bytes(), _Map)
-        return DrivableArea(_polygons(layers, location))
-    except FileNotFoundError as error:
-        raise DataError(f"The map '{path}' is missing; {anew} into '{root / 'maps'}'.") from error
-    except OSError as error:
-        raise DataError(f"The map '{path}' cannot be read: {error}.") from error
-    except KeyError as error:
-        raise DataError(f"The map '{path}' is damaged (no record {error}); {anew} anew.") from error
-    except _DAMAGE as error:
-        raise DataError(f"The map '{path}' is damaged ({error}); {anew} anew.") from error
+    return read_map(root, location, lambda records: drivable_area(records, location))
 
 
-def _polygons(layers: _Map, location: str) -> list[shapely.Polygon]:
-    place = {node.token: (node.x, node.y) for node in layers.node}
-    lost = next((token for token, xy in place.items() if not all(map(math.isfinite, xy))), None)
-    if lost is not None:
-        raise ValueError(f"node '{lost}' has no place")
-    polygon_of = {polygon.token: polygon for polygon in layers.polygon}
+def drivable_area(records: MapRecords, location: str) -> DrivableArea:
+    """The drivable area that a map's records say; `load_drivable_area` tells the rest.
+
+    Raises:
+        ValueError: If a node has no place.
+        KeyError: If a token leads nowhere.
+    """
+    place = records.places()
+    polygon_of = {polygon.token: polygon for polygon in records.polygon}
     polygons: list[shapely.Polygon] = []
     mended, empty = [], []
     # Several areas may share a polygon.
-    wanted = dict.fromkeys(token for area in layers.drivable_area for token in area.polygon_tokens)
+    wanted = dict.fromkeys(token for area in records.drivable_area for token in area.polygon_tokens)
     for token in wanted:
         record = polygon_of[token]
         outline = [place[node] for node in record.exterior_node_tokens]
@@ -159,7 +93,7 @@ def _polygons(layers: _Map, location: str) -> list[shapely.Polygon]:
         polygons += parts
     _warn(location, "cross themselves, and are drivable where their outline goes around", mended)
     _warn(location, "enclose nothing, and are passed over", empty)
-    return polygons
+    return DrivableArea(polygons)
 
 
 def _warn(location: str, what: str, tokens: list[str]) -> None:

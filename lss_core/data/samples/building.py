@@ -42,7 +42,7 @@ def build_index(root: Path, version: str, cameras: tuple[str, ...]) -> SampleInd
     track_pose = tables.global_from_ego[tables.track]
     problems = find_problems(root / version, tables, time_s, global_from_ego)
     return SampleIndex(
-        cameras=np.asarray(cameras),
+        cameras=np.asarray(cameras, dtype=np.str_),
         sample_token=np.asarray([sample.token for sample in tables.samples]),
         sample_scene=tables.sample_scene,
         time_s=time_s,

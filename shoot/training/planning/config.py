@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass, field, replace
 
-from lss_core.config import DataConfig, DepthBins, ImageConfig, ModelConfig
-from lss_core.grid import BevGrid
+from lss_core.config import DataConfig
 from shoot.planner import PlannerConfig
-from shoot.training.config import OptimConfig, RunConfig
+from shoot.training.config import RunConfig
+from shoot.training.cpu_sizes import CPU_IMAGE, CPU_MODEL, CPU_OPTIM
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,36 +25,14 @@ class TrainConfig(RunConfig):
         return replace(super().what_is_computed(), templates="-")
 
 
-_CPU_IMAGE = ImageConfig(
-    height_px=64,
-    width_px=176,
-    resize=(1.0, 1.0),
-    crop_bottom=(0.11, 0.11),
-    rotate_rad=0.0,
-    flip=False,
-)
-_CPU_MODEL = ModelConfig(
-    backbone="plain-16-32-64-128",
-    pretrained="none",
-    context_channels=32,
-    image_stride=8,
-    neck_channels=64,
-    stem_channels=24,
-    decoder_channels=48,
-    depth=DepthBins(min_m=4.0, max_m=46.0, step_m=2.0),
-    grid=BevGrid(x_min_m=-10.0, x_max_m=70.0, y_min_m=-32.0, y_max_m=32.0, cell_m=1.0),
-)
-
 # All samples at each of its 300 validations would be more images than it trains on.
 PAPER = TrainConfig(templates="templates.npz", out="runs/paper", val_samples=600)
 SMALL = TrainConfig(
     templates="templates.npz",
     out="runs/small",
-    data=DataConfig(image=_CPU_IMAGE),
-    model=_CPU_MODEL,
-    optim=OptimConfig(
-        steps=5600, batch_size=8, learning_rate=2e-3, warmup_steps=100, schedule="cosine"
-    ),
+    data=DataConfig(image=CPU_IMAGE),
+    model=CPU_MODEL,
+    optim=CPU_OPTIM,
     val_every=800,
     val_samples=400,
     num_workers=0,  # on two cores a worker takes more time from the convolutions than it saves

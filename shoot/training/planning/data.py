@@ -13,7 +13,7 @@ from torch.utils.data import Dataset
 
 from lss_core.batch import Batch, collate
 from lss_core.config import DataConfig
-from lss_core.data.dataset import CameraDataset, LidarDataset
+from lss_core.data.dataset import open_sensors
 from lss_core.data.padding import check_padding
 from lss_core.data.samples import SampleIndex, load_index, rows_of_split
 from lss_core.data.usable import LeftOut, Needs, usable_rows, usable_scenes
@@ -160,12 +160,7 @@ class PlanningDataset(Dataset[PlanBatch]):
         self, split: LabelledSplit, data: DataConfig, seed: int, with_points: bool = False
     ) -> None:
         self.split = split
-        rows = split.futures.sample
-        self.sensors: CameraDataset | LidarDataset = (
-            LidarDataset(split.index, rows, data)
-            if data.lidar_scans
-            else CameraDataset(split.index, rows, data, seed, with_points)
-        )
+        self.sensors = open_sensors(split.index, split.rows, data, seed, with_points)
 
     def __len__(self) -> int:
         return len(self.split.labels)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import shapely
 
-from lss_core.data.annotations.drivable import DrivableArea, load_drivable_area, map_path
+from lss_core.data.annotations.drivable import DrivableArea, load_drivable_area
+from lss_core.data.annotations.map_file import map_path
 from lss_core.errors import DataError
 from shoot.world.nuscenes.map_layers import merge_layers, town_layers
 from shoot.world.nuscenes.tiling import LOCATIONS, TILE_M

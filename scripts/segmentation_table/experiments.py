@@ -1,0 +1,41 @@
+"""The training runs behind the paper's Tables 1, 2 and 5."""
+
+from run_queue import Experiment
+
+SEEDS = (0, 1, 2)
+OURS = "ours"
+CLASSES = {
+    "car": "car",
+    "vehicle": "vehicle",
+    "drivable": "drivable area",
+    "lane_boundary": "lane boundary",
+}
+# From images, in the paper's order.
+CAMERAS = {
+    "cnn": "CNN",
+    "frozen": "frozen encoder",
+    "oft": "OFT",
+    "uniform": "uniform depth",
+    OURS: "Lift-Splat",
+}
+LIDARS = {"lidar1": "lidar, 1 scan", "lidar10": "lidar, 10 scans"}
+METHODS = CAMERAS | LIDARS
+
+_FLAGS = {
+    "cnn": ("--model.lift", "cnn"),
+    "frozen": ("--model.freeze-encoder",),
+    "oft": ("--model.lift", "oft"),
+    "uniform": ("--model.lift", "uniform"),
+    OURS: (),
+    "lidar1": ("--data.lidar-scans", "1"),
+    "lidar10": ("--data.lidar-scans", "10"),
+}
+_ONE_SEED = ("frozen", "uniform")
+
+# The first seed of all comes first: then every row is there.
+ALL = tuple(
+    Experiment(method, "segment", seed, flags)
+    for seed in SEEDS
+    for method, flags in _FLAGS.items()
+    if seed == 0 or method not in _ONE_SEED
+)

@@ -1,0 +1,77 @@
+"""The paper's Tables 1, 2 and 5 on the synthetic city: one map of four classes, from all methods.
+
+    python scripts/segmentation_tables.py [FOLDER] [--only ours lidar10] [--jobs 2]
+
+Makes the data set of table6.py (give its folder to share it), trains, evaluates and writes the
+tables of docs/results/segmentation.md; hours in all. Run again, it goes on where it was. Each
+finished run leaves a record in docs/results/segmentation/, and the tables are made from these
+records alone: copied there from other machines, they count as done here.
+"""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from data_set import make_data
+from run_queue import Place, load_records, run_all, run_script
+from segmentation_table.experiments import ALL
+from segmentation_table.page import write_tables
+from segmentation_table.records import SEGMENTATIONS
+
+from lss_core.bounds import Bounds, Workers, check_settings
+
+
+@dataclass(frozen=True)
+class TablesConfig:
+    """What to run, and where.
+
+    Attributes:
+        folder: For data set and runs; 22 GB.
+        only: Methods or runs, as `oft` or `ours-2`; all if not given.
+        jobs: Runs side by side; each gets its share of the cores.
+        records: Folder of the records.
+        pages: Folder of README.md and docs/, where the tables stand between markers.
+        tables_only: Make the tables from the records and end.
+        train_scenes: Scenes to train on.
+        val_scenes: Scenes to evaluate on.
+        flags: More arguments of shoot-train, for trials.
+    """
+
+    folder: Annotated[Path, tyro.conf.Positional] = Path("runs/table6")
+    only: tuple[str, ...] = ()
+    jobs: Workers = 2
+    records: Path = Path("docs/results/segmentation")
+    pages: Path = Path()
+    tables_only: bool = False
+    train_scenes: Annotated[int, Bounds(1, 700)] = 700
+    val_scenes: Annotated[int, Bounds(1, 150)] = 100
+    flags: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+
+def segmentation_tables(config: TablesConfig) -> list[str]:
+    """Do what is left to do; returns the names of runs that failed."""
+    chosen = [
+        e for e in ALL if not config.only or e.planner in config.only or e.name in config.only
+    ]
+    if not chosen:
+        raise SystemExit(
+            f"No run is called {', '.join(config.only)}; there are "
+            f"{', '.join(e.name for e in ALL)}."
+        )
+    failed: list[str] = []
+    if not config.tables_only:
+        place = Place(config.folder, config.records, "segmentation")
+        workers = len(os.sched_getaffinity(0))
+        make_data(place.world, config.train_scenes, config.val_scenes, workers)
+        failed = run_all(chosen, place, SEGMENTATIONS, config.jobs, config.flags)
+    write_tables(config.records, load_records(config.records), config.pages)
+    return failed
+
+
+if __name__ == "__main__":
+    run_script(lambda: segmentation_tables(tyro.cli(TablesConfig, description=__doc__)))

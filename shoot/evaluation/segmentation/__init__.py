@@ -1,0 +1,1 @@
+"""A segmentation on a split: from maps of probabilities to a report, and one report to another."""

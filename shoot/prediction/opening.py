@@ -1,0 +1,79 @@
+"""What opening and reading a run folder is for all tasks."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any, TypeVar
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch.utils.data import DataLoader
+
+from lss_core.errors import DataError
+from shoot.training.config import ConfigT, RunConfig
+from shoot.training.device import choose_device
+from shoot.training.module import TaskModule
+from shoot.training.run_folder import RunFolder
+from shoot.training.task import BatchT, SplitT, Task
+
+ModuleT = TypeVar("ModuleT", bound=TaskModule)
+
+
+def to_read_now(config: ConfigT, root: str | None, version: str | None, skip_bad: bool) -> ConfigT:
+    """A run's config with the data it is to read now; its weights come from the run.
+
+    Args:
+        config: What it was told.
+        root: Data root, if not the one it was trained on.
+        version: Version, if not the one it was trained on.
+        skip_bad: Leave out samples that cannot be used, also if the run did not.
+    """
+    data = replace(
+        config.data,
+        root=root or config.data.root,
+        version=version or config.data.version,
+        skip_bad=skip_bad or config.data.skip_bad,
+    )
+    return replace(config, data=data, model=replace(config.model, pretrained="none"))
+
+
+def load_module(run: RunFolder, checkpoint: str, make: Callable[[], ModuleT]) -> ModuleT:
+    """A run's module with its weights, in evaluation mode, where this machine is fastest.
+
+    Args:
+        run: Whose.
+        checkpoint: `last` or `best`.
+        make: The module without them.
+
+    Raises:
+        DataError: If there are no weights, or they do not fit.
+    """
+    state = run.weights(checkpoint)
+    try:
+        module = make()
+        module.task.check_weights(state, f"'{run.folder}'")
+        module.load_state_dict(state["state_dict"])
+    except (RuntimeError, ValueError, ArithmeticError, MemoryError) as error:
+        raise DataError(
+            f"The weights in '{run.folder}' do not fit its config.yaml: {str(error)[:200]}..."
+        ) from error
+    return module.eval().to(choose_device())
+
+
+def read_batches(
+    task: Task[SplitT, BatchT],
+    config: RunConfig,
+    split: SplitT,
+    positions: NDArray[np.int64],
+    device: torch.device,
+) -> Iterator[BatchT]:
+    """Batches of the samples at the given positions, in order, without augmentation."""
+    loader: DataLoader[Any] = DataLoader(
+        task.dataset(split, config, with_points=False),
+        batch_size=max(8, config.optim.batch_size),
+        sampler=[(int(position), -1) for position in positions],
+        num_workers=config.num_workers,
+        collate_fn=task.collate,
+    )
+    for batch in loader:
+        yield batch.to(device)

@@ -1,0 +1,1 @@
+"""Segmentation: which cells of the map are a car, a vehicle, road, a lane's boundary."""
