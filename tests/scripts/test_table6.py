@@ -231,7 +231,7 @@ def test_a_change_is_measured_from_the_mean_over_seeds(table: Any, tmp_path: Pat
 
 
 def test_the_rivals_have_a_table_of_their_own(table: Any) -> None:
-    records = table.records.load_records(ROOT / "docs" / "results")
+    records = table.queue.load_records(ROOT / "docs" / "results")
     records = [r for r in records if r["planner"] not in ("camera-volume", "camera-margin")]
     assert table.page.all_tables(records)["rivals"] == ""
     changed = next(r for r in records if r["name"] == "camera-half-steps-0")
