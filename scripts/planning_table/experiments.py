@@ -35,4 +35,9 @@ LIMITS = (
         ("--data.image.height-px", "32", "--data.image.width-px", "88"),
     ),
 )
-ALL = TABLE + LIMITS
+# What the planner that the paper started from does otherwise (Neural Motion Planner, section 3.3).
+RIVALS = (
+    Experiment("camera-volume", "small", 0, ("--planner.cost", "volume")),
+    Experiment("camera-margin", "small", 0, ("--planner.loss", "max_margin")),
+)
+ALL = TABLE + LIMITS + RIVALS

@@ -8,7 +8,7 @@ from run_queue import Record
 
 from planning_table.again import again_tables
 from planning_table.cells import PAIRED, markdown, model_spread, paired, spread, value_cell
-from planning_table.experiments import MAIN_METRICS, PAIRS, PLANNERS
+from planning_table.experiments import MAIN_METRICS, PAIRS, PLANNERS, RIVALS
 from planning_table.records import bases_of
 
 # Lang et al.'s PointPillars and the camera planner, on nuScenes (the paper's Table 6).
@@ -78,7 +78,10 @@ def all_tables(records: Sequence[Record], again: Sequence[Record] = ()) -> dict[
         "speed": _speed_table,
     }
     made = {name: make(runs) if runs else "" for name, make in of_runs.items()}
-    return made | {"changes": _limit_table(records)} | again_tables(records, again)
+    rivals = {experiment.planner for experiment in RIVALS}
+    made["changes"] = _change_table(records, lambda record: record["planner"] not in rivals)
+    made["rivals"] = _change_table(records, lambda record: record["planner"] in rivals)
+    return made | again_tables(records, again)
 
 
 def _setting(runs: dict[str, list[Record]]) -> str:
@@ -210,8 +213,8 @@ def _speed_table(runs: dict[str, list[Record]]) -> str:
     )
 
 
-def _limit_table(records: Sequence[Record]) -> str:
-    changed = [record for record in records if record["flags"]]
+def _change_table(records: Sequence[Record], is_shown: Callable[[Record], bool]) -> str:
+    changed = [record for record in records if record["flags"] and is_shown(record)]
     rows = []
     for preset in dict.fromkeys(record["preset"] for record in changed):
         own = [record for record in changed if record["preset"] == preset]

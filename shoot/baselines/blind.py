@@ -1,6 +1,7 @@
 """The blind planner: what the form of the planner lets it know without looking."""
 
 import logging
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,14 +27,14 @@ class BlindFit:
 
     Attributes:
         log_prob: Log-probability of each template in nats; the same for every sample.
-        cost_map: The learned map.
+        cost_map: The learned map, or of a cost volume T of them.
         off_grid_cost: The learned cost of a waypoint outside the map.
         weight_decay: The decay that predicted training scenes left out best.
         held_out_nll: NLL on those scenes at that decay, in nats; NaN if there was one scene only.
     """
 
     log_prob: Float[Array, " K"]
-    cost_map: Float[Array, "X Y"]
+    cost_map: Float[Array, "*C X Y"]
     off_grid_cost: float
     weight_decay: float
     held_out_nll: float
@@ -50,9 +51,10 @@ class _BlindModel:
     def __init__(self, planner: Planner) -> None:
         cells = planner.cell_idx.cpu().numpy()
         num_templates, num_reads = cells.shape
-        self.shape = planner.grid.shape
+        volume = (planner.num_maps, *planner.grid.shape)
+        self.shape = volume if planner.num_maps > 1 else planner.grid.shape
         # The last column is the off-grid cost; its counts are 0 where the planner has none.
-        off_grid = np.full((num_templates, 1), self.shape[0] * self.shape[1])
+        off_grid = np.full((num_templates, 1), math.prod(self.shape))
         shares = np.concatenate(
             [planner.weight.cpu().numpy(), planner.num_outside.cpu().numpy()[:, None]], axis=1
         )
@@ -69,7 +71,7 @@ class _BlindModel:
 
     def parameters(self) -> Float[Array, " P"]:
         """Costs of all cells, row by row, and the off-grid cost; 0 where no template comes."""
-        parameters = np.zeros(self.shape[0] * self.shape[1] + 1)
+        parameters = np.zeros(math.prod(self.shape) + 1)
         parameters[self._visited] = self._costs
         return parameters
 

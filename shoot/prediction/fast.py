@@ -150,8 +150,7 @@ class FastPlanner:
     def _scores_of_bev(self, bev: Float[Tensor, "1 C X Y"]) -> Float[Tensor, "1 K"]:
         """Of what the sensors of one sample say of each cell."""
         with self._autocast():
-            cost_map = self._encode_map(bev, self._window)[:, 0]
-            return self._module.planner.score(cost_map, self._reads)
+            return self._module.planner.score(self._encode_map(bev, self._window), self._reads)
 
     def _autocast(self) -> torch.autocast:
         # Weights cast once for all would not outlive the recording of a graph that reads them.

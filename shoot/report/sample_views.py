@@ -31,8 +31,8 @@ def view_sample(
     row = int(split.futures.sample[position])
     (batch,) = batches(run, split, np.asarray([position]))
     with torch.no_grad():
-        cost_map = run.module.cost_map(batch.sensors)
-        probabilities = run.module.planner(cost_map).softmax(dim=-1)[0]
+        cost_maps = run.module.cost_maps(batch.sensors)
+        probabilities = run.module.outputs(cost_maps).softmax(dim=-1)[0]
     images, intrinsics, names, there = shown_images(index, root, row)
     poses = ego_from_camera(index, row, run.config.data.ego_motion)
     return SampleView(
@@ -41,12 +41,19 @@ def view_sample(
         ego_from_camera=poses[there],
         camera_names=names,
         grid=run.config.model.grid,
-        cost_map=cost_map[0].float().cpu().numpy(),
+        cost_map=cost_maps[0].mean(dim=0).float().cpu().numpy(),
         templates=run.templates.points,
         probabilities=probabilities.float().cpu().numpy(),
         driven=split.futures.xy_m[position],
         lidar_points_ego=load_sweep(index, root, row) if with_lidar else None,
         dt_s=run.templates.dt_s,
         title=title_of(index, row),
-        caption=caption_of(index, row),
+        caption=caption_of(index, row) + _of_times(run),
     )
+
+
+def _of_times(run: TrainedRun) -> str:
+    """What of a cost volume the map shows, to be said below the headline."""
+    if run.task.out_channels == 1:
+        return ""
+    return f"; the map: mean cost of {run.task.out_channels} times"

@@ -156,7 +156,7 @@ def _ask(
     answers = {}
     for name, prob in kinds.items():
         bev = pool(context, prob[None], index, model.config.grid)
-        scores = run.module.planner(model.bev_encoder(bev)[:, 0])
+        scores = run.module.outputs(model.bev_encoder(bev))
         answers[name] = scores.log_softmax(dim=-1)[0].float().cpu().numpy()
     mean_m = torch.einsum("ndhw,d->nhw", depth_prob[0], depth_prob.new_tensor(depths_m))
     return answers, true_m.cpu().numpy(), mean_m.cpu().numpy()

@@ -7,7 +7,7 @@ import pytorch_lightning as pl
 import torch
 import torch.distributed as dist
 from jaxtyping import Float
-from torch import Tensor
+from torch import Tensor, nn
 
 from lss_core.batch import Batch
 from lss_core.depth_targets import batch_depth_bins, depth_loss
@@ -38,7 +38,11 @@ class TaskModule(pl.LightningModule):
 
     def outputs(self, maps: Float[Tensor, "B C X Y"]) -> Tensor:
         """The same off a map that is there already."""
-        return self.task.outputs(self.get_submodule(self.task.name), maps)
+        return self.task.outputs(self._head, maps)
+
+    @property
+    def _head(self) -> nn.Module:
+        return self.get_submodule(self.task.name)
 
     def on_train_start(self) -> None:
         """Look at what Lightning does not: a checkpoint's moments must be those of the weights.
@@ -59,7 +63,7 @@ class TaskModule(pl.LightningModule):
         weight = self.config.optim.depth_weight
         if weight > 0.0 and isinstance(self.model, CameraModel):
             maps, depth_prob = self.model.forward_with_depth(batch.sensors)
-            loss = self.task.loss(self.outputs(maps), batch)
+            loss = self.task.loss(self._head, maps, batch)
             config = self.model.config
             bins = batch_depth_bins(
                 batch.sensors, self.model.image_hw, config.image_stride, config.depth.depths_m
@@ -67,7 +71,8 @@ class TaskModule(pl.LightningModule):
             of_depth = depth_loss(depth_prob, bins)
             self.log("depth_loss", of_depth, batch_size=size, sync_dist=True)
         else:
-            loss = self.task.loss(self(batch.sensors), batch)
+            maps = self.model.forward_batch(batch.sensors)
+            loss = self.task.loss(self._head, maps, batch)
             of_depth = torch.zeros_like(loss)
         self.log("train_loss", loss, prog_bar=True, batch_size=size, sync_dist=True)
         return loss + weight * of_depth

@@ -91,8 +91,10 @@ class Task(Protocol[SplitT, BatchT]):
         """What the task reads off the map with its weights, first dimension B."""
         ...
 
-    def loss(self, outputs: Tensor, batch: BatchT) -> Float[Tensor, ""]:
-        """What training lowers."""
+    def loss(
+        self, head: nn.Module, maps: Float[Tensor, "B C X Y"], batch: BatchT
+    ) -> Float[Tensor, ""]:
+        """What training lowers, of the map and its weights."""
         ...
 
     def new_metrics(self) -> Metric:

@@ -230,6 +230,20 @@ def test_a_change_is_measured_from_the_mean_over_seeds(table: Any, tmp_path: Pat
     assert [row[-2:] for row in rows] == [["-8.0 [-8.0, -8.0]", "+0.00 [+0.00, +0.00] |"]]
 
 
+def test_the_rivals_have_a_table_of_their_own(table: Any) -> None:
+    records = table.queue.load_records(ROOT / "docs" / "results")
+    records = [r for r in records if r["planner"] not in ("camera-volume", "camera-margin")]
+    assert table.page.all_tables(records)["rivals"] == ""
+    changed = next(r for r in records if r["name"] == "camera-half-steps-0")
+    rival = changed | {"planner": "camera-margin", "name": "camera-margin-0"}
+    made, before = table.page.all_tables([*records, rival]), table.page.all_tables(records)
+    assert made["changes"] == before["changes"]
+    rows = [line.split(" | ") for line in made["rivals"].splitlines()[4:]]
+    assert [row[0].split(" (")[0] for row in rows] == ["| `camera`", "| `camera-margin-0`"]
+    (as_limit,) = (line for line in made["changes"].splitlines() if "`camera-half-steps-0`" in line)
+    assert rows[1][1:] == as_limit.split(" | ")[1:]
+
+
 def test_runs_made_twice_are_compared_as_far_as_both_are_there(table: Any) -> None:
     records = table.queue.load_records(ROOT / "docs" / "results")
     again = json.loads(json.dumps([r for r in records if r["planner"] != "lidar1"]))

@@ -48,7 +48,7 @@ def test_every_changed_field_comes_back(tmp_path: Path) -> None:
             depth=DepthBins(1.0, 9.0, 0.25),
             grid=BevGrid(-1.0, 5.0, -3.0, 3.0, 0.1),
         ),
-        planner=PlannerConfig("nearest", "border", True),
+        planner=PlannerConfig("nearest", "border", True, "volume"),
         optim=OptimConfig(steps=7, learning_rate=1e-5, schedule="cosine"),
         precision="bf16-mixed",
         deterministic=True,
@@ -70,6 +70,17 @@ def test_settings_of_older_runs_are_understood(tmp_path: Path) -> None:
         path.write_text(path.read_text().replace("skip_bad", "skip_missing"))
         assert "skip_missing" in path.read_text()
         assert TrainConfig.load(path) == config
+
+
+def test_runs_of_before_there_were_volumes_have_a_map_and_cross_entropy(tmp_path: Path) -> None:
+    path = tmp_path / "config.yaml"
+    PAPER.save(path)
+    loaded = yaml.safe_load(path.read_text())
+    for name in ("cost", "loss", "margin_per_m"):
+        del loaded["planner"][name]
+    path.write_text(yaml.safe_dump(loaded))
+    assert TrainConfig.load(path) == PAPER
+    assert (PAPER.planner.cost, PAPER.planner.loss) == ("map", "cross_entropy")
 
 
 @pytest.mark.parametrize(

@@ -100,8 +100,10 @@ class Brightness:
         values: Tensor = head(maps.mean(dim=(-2, -1)))[:, 0]
         return values
 
-    def loss(self, outputs: Tensor, batch: LitBatch) -> Float[Tensor, ""]:
-        return (outputs - batch.brightness).square().mean()
+    def loss(
+        self, head: nn.Module, maps: Float[Tensor, "B C X Y"], batch: LitBatch
+    ) -> Float[Tensor, ""]:
+        return (self.outputs(head, maps) - batch.brightness).square().mean()
 
     def new_metrics(self) -> Error:
         return Error()

@@ -14,7 +14,7 @@ class TrainConfig(RunConfig):
 
     Attributes:
         templates: Template file, made by shoot-fit-templates.
-        planner: How the cost map is read.
+        planner: How costs are laid out and read, and the loss.
     """
 
     templates: str

@@ -43,11 +43,12 @@ _MARK = "templates_sha256"
 class Planning:
     """Ranks templates by the cost along them; see `Task` for what is asked of it.
 
+    The map has one channel, or with a cost volume one for each waypoint of a template.
+
     Paper: sections 3.3 and 5.6.
     """
 
     name = "planner"
-    out_channels = 1
     best = Best("top10", "max")
     progress = "validation top-10 {val_top10:.1f} %, NLL {val_nll:.3f} nats"
 
@@ -55,6 +56,7 @@ class Planning:
         self.templates = templates
         self._file = config.templates
         self._grid, self._reading = config.model.grid, config.planner
+        self.out_channels = config.planner.num_maps(templates.points.shape[1])
         self.marks: Mapping[str, str] = {_MARK: templates.sha256}
         self.fitted_on = templates.scenes
 
@@ -76,14 +78,19 @@ class Planning:
         """The templates, and what costs them beside the map."""
         return Planner(torch.tensor(self.templates.points), self._grid, self._reading)
 
-    def outputs(self, head: nn.Module, maps: Float[Tensor, "B 1 X Y"]) -> Float[Tensor, "B K"]:
+    def outputs(self, head: nn.Module, maps: Float[Tensor, "B C X Y"]) -> Float[Tensor, "B K"]:
         """Scores (logits) of the templates."""
-        scores: Tensor = head(maps[:, 0])
+        scores: Tensor = head(maps)
         return scores
 
-    def loss(self, outputs: Float[Tensor, "B K"], batch: PlanBatch) -> Float[Tensor, ""]:
-        """Cross-entropy of the template nearest to what was driven."""
-        return Planner.loss(outputs, batch.template_idx)
+    def loss(
+        self, head: nn.Module, maps: Float[Tensor, "B C X Y"], batch: PlanBatch
+    ) -> Float[Tensor, ""]:
+        """Cross-entropy of the template nearest to what was driven, or the max-margin loss."""
+        if self._reading.loss == "max_margin":
+            assert isinstance(head, Planner)
+            return head.margin_loss(maps, batch.future)
+        return Planner.loss(self.outputs(head, maps), batch.template_idx)
 
     def new_metrics(self) -> PlanningMetrics:
         """Top-k accuracies in per cent, NLL in nats."""
@@ -147,9 +154,9 @@ class PlanningModule(TaskModule):
     def __init__(self, config: TrainConfig, templates: TemplateSet) -> None:
         super().__init__(config, Planning(config, templates))
 
-    def cost_map(self, sensors: Batch) -> Float[Tensor, "B X Y"]:
-        """Cost per cell."""
-        return self.model.forward_batch(sensors)[:, 0]
+    def cost_maps(self, sensors: Batch) -> Float[Tensor, "B C X Y"]:
+        """Cost per cell, of all times or of each waypoint's."""
+        return self.model.forward_batch(sensors)
 
 
 def train(config: TrainConfig) -> Path:

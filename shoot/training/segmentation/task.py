@@ -73,8 +73,11 @@ class Segmentation:
         """Log-odds of each class in each cell."""
         return maps.float()
 
-    def loss(self, outputs: Float[Tensor, "B C X Y"], batch: SegmentBatch) -> Float[Tensor, ""]:
+    def loss(
+        self, head: nn.Module, maps: Float[Tensor, "B C X Y"], batch: SegmentBatch
+    ) -> Float[Tensor, ""]:
         """Binary cross-entropy, mean over samples, classes and cells."""
+        outputs = self.outputs(head, maps)
         # Made where the map lies: a copy to a GPU would make the host wait.
         weights = torch.stack([outputs.new_full((1, 1), one) for one in self._pos_weights])
         return F.binary_cross_entropy_with_logits(

@@ -107,7 +107,7 @@ def test_loss_is_the_mean_cross_entropy_with_positive_cells_weighted(
     batch = SegmentBatch(collate([dataset[0, -1].sensors]), truth)
     log1pexp = [math.log1p(math.exp(x)) for x in (-0.3, -1.0, 2.0, -0.5)]
     expected = (log1pexp[0] + log1pexp[1] + log1pexp[2] + 5.0 * log1pexp[3]) / 4
-    assert float(task.loss(logit, batch)) == pytest.approx(expected, rel=1e-6)
+    assert float(task.loss(task.new_head(), logit, batch)) == pytest.approx(expected, rel=1e-6)
 
 
 @pytest.mark.trains
@@ -120,7 +120,8 @@ def test_a_network_learns_one_batch_by_heart(config: SegmentConfig) -> None:
     optimizer = torch.optim.Adam(module.parameters(), lr=0.02)
     for _ in range(120):
         optimizer.zero_grad()
-        task.loss(module(batch.sensors), batch).backward()
+        maps = module.model.forward_batch(batch.sensors)
+        task.loss(module.get_submodule(task.name), maps, batch).backward()
         optimizer.step()
     metrics = task.new_metrics()
     task.measure(metrics, module(batch.sensors), batch)
