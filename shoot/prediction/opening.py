@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from torch.utils.data import DataLoader
 
 from lss_core.errors import DataError
+from shoot.prediction.disturbance import UNDISTURBED, Disturbance
 from shoot.training.config import ConfigT, RunConfig
 from shoot.training.device import choose_device
 from shoot.training.module import TaskModule
@@ -75,14 +76,21 @@ def read_batches(
     split: SplitT,
     positions: NDArray[np.int64],
     device: torch.device,
+    disturbance: Disturbance = UNDISTURBED,
 ) -> Iterator[BatchT]:
     """Batches of the samples at the given positions, in order, without augmentation."""
+    is_random = disturbance.is_random
+    if is_random:
+        config = replace(config, data=disturbance.of_data(config.data))
     loader: DataLoader[Any] = DataLoader(
         task.dataset(split, config, with_points=False),
         batch_size=max(8, config.optim.batch_size),
-        sampler=[(int(position), -1) for position in positions],
+        sampler=[(int(position), int(position) if is_random else -1) for position in positions],
         num_workers=config.num_workers,
         collate_fn=task.collate,
     )
     for batch in loader:
+        if disturbance.missing:
+            sensors = disturbance.hide(batch.sensors, config.data.cameras)
+            batch = replace(batch, sensors=sensors)
         yield batch.to(device)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from lss_core.errors import DataError
 from lss_core.progress import progress
+from shoot.prediction.disturbance import UNDISTURBED, Disturbance
 from shoot.prediction.fast import FastPlanner
 from shoot.prediction.opening import load_module, read_batches, to_read_now
 from shoot.templates import TemplateSet
@@ -28,12 +29,14 @@ class TrainedRun:
         templates: What it chooses from.
         module: In evaluation mode.
         folder: Where it is.
+        disturbance: What is done to its cameras before it sees them.
     """
 
     config: TrainConfig
     templates: TemplateSet
     module: PlanningModule
     folder: PlanningRun
+    disturbance: Disturbance = UNDISTURBED
 
     @property
     def task(self) -> Planning:
@@ -80,7 +83,7 @@ def batches(
     run: TrainedRun, split: LabelledSplit, positions: NDArray[np.int64]
 ) -> Iterator[PlanBatch]:
     """Batches of the samples at the given positions, in order, without augmentation."""
-    return read_batches(run.task, run.config, split, positions, run.device)
+    return read_batches(run.task, run.config, split, positions, run.device, run.disturbance)
 
 
 @torch.no_grad()

@@ -12,6 +12,7 @@ from torch import Tensor
 
 from lss_core.errors import DataError
 from lss_core.progress import progress
+from shoot.prediction.disturbance import UNDISTURBED, Disturbance
 from shoot.prediction.opening import load_module, read_batches, to_read_now
 from shoot.training.run_folder import RunFolder
 from shoot.training.segmentation.config import SegmentConfig
@@ -27,11 +28,13 @@ class TrainedSegmenter:
         config: What it was told, with the data it is to read now.
         module: In evaluation mode.
         folder: Where it is.
+        disturbance: What is done to its cameras before it sees them.
     """
 
     config: SegmentConfig
     module: SegmentationModule
     folder: RunFolder
+    disturbance: Disturbance = UNDISTURBED
 
     @property
     def task(self) -> Segmentation:
@@ -76,7 +79,7 @@ def segment_batches(
     run: TrainedSegmenter, split: SegmentSplit, positions: NDArray[np.int64]
 ) -> Iterator[SegmentBatch]:
     """Batches of the samples at the given positions, in order, without augmentation."""
-    return read_batches(run.task, run.config, split, positions, run.device)
+    return read_batches(run.task, run.config, split, positions, run.device, run.disturbance)
 
 
 def predict_maps(
