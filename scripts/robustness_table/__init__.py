@@ -1,0 +1,1 @@
+"""Runs, conditions and tables of scripts/robustness.py."""

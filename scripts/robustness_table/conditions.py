@@ -1,0 +1,76 @@
+"""What is done to the cameras: in training, as runs of their own, and when a run is asked."""
+
+from dataclasses import dataclass, field
+
+from run_queue import Experiment
+
+from lss_core.config import CAMERAS
+from shoot.prediction.disturbance import Disturbance
+
+# Rotation about each axis; a camera that leans by this much also sits this much aside.
+NOISE_RAD = (0.0, 0.01, 0.02, 0.05, 0.1)
+_M_PER_RAD = 2.0
+TRAINED_NOISE_RAD = (0.02, 0.05)
+DROPS = (0, 1, 2, 3, 4, 5)
+TRAINED_DROPS = (1, 2)
+# The paper's Table 3: four cameras, and two that training never saw.
+NEW_CAMERAS = ("CAM_FRONT_LEFT", "CAM_BACK_LEFT")
+FOUR = tuple(name for name in CAMERAS if name not in NEW_CAMERAS)
+
+PRESETS = {"segmentation": "segment", "planning": "small"}
+
+
+@dataclass(frozen=True)
+class Condition:
+    """How a run is asked.
+
+    Attributes:
+        name: In records.
+        disturbance: What is done to the cameras.
+        cameras: Those that there are.
+    """
+
+    name: str
+    disturbance: Disturbance = field(default_factory=Disturbance)
+    cameras: tuple[str, ...] = CAMERAS
+
+
+def noise_flags(noise_rad: float) -> tuple[str, ...]:
+    """What shoot-train is told of noisy mountings."""
+    return (
+        "--data.extrinsic-noise-rad", f"{noise_rad:g}",
+        "--data.extrinsic-noise-m", f"{_M_PER_RAD * noise_rad:g}",
+    )  # fmt: skip
+
+
+def runs_of(task: str) -> tuple[Experiment, ...]:
+    """The runs of a task: as usual, with noise, with dropped cameras, with four of them."""
+    preset = PRESETS[task]
+    noisy = [
+        Experiment(f"noise-{level:g}", preset, 0, noise_flags(level)) for level in TRAINED_NOISE_RAD
+    ]
+    dropped = [
+        Experiment(f"drop-{num}", preset, 0, ("--data.drop-cameras", str(num)))
+        for num in TRAINED_DROPS
+    ]
+    four = Experiment("four", preset, 0, ("--data.cameras", *FOUR))
+    return (Experiment("plain", preset, 0), *noisy, *dropped, four)
+
+
+def conditions_of(run: Experiment) -> tuple[Condition, ...]:
+    """How a run is asked: the curves of Figure 6, the bars of Figure 7, the rows of Table 3."""
+    if run.planner == "four":
+        first, second = NEW_CAMERAS
+        return (
+            Condition("4", cameras=FOUR),
+            Condition(f"4 + {first}", cameras=(*FOUR, first)),
+            Condition(f"4 + {second}", cameras=(*FOUR, second)),
+            Condition("all", cameras=(*FOUR, *NEW_CAMERAS)),
+        )
+    noise = [
+        Condition(f"noise-{level:g}", Disturbance(level, _M_PER_RAD * level)) for level in NOISE_RAD
+    ]
+    drops = [Condition(f"drop-{num}", Disturbance(drop_cameras=num)) for num in DROPS]
+    missing = [Condition(f"without-{name}", Disturbance(missing=(name,))) for name in CAMERAS]
+    by_kind = {"noise": noise, "drop": drops, "plain": [*noise, *drops[1:], *missing]}
+    return tuple(by_kind[run.planner.split("-")[0]])
