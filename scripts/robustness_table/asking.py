@@ -4,7 +4,6 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from run_queue import Record
 
 from lss_core.data.samples import load_index, rows_of_split
@@ -56,4 +55,4 @@ def _plan(folder: Path, condition: Condition, every: int) -> dict[str, Any]:
         "top10": 100.0 * rank_labels(log_prob, samples.labels).hits(10),
         "nll": negative_log_likelihood(log_prob, samples.labels),
     }
-    return {name: asdict(interval(np.asarray(v), samples.scene_names)) for name, v in scores.items()}
+    return {name: asdict(interval(values, samples.scene_names)) for name, values in scores.items()}

@@ -1,0 +1,116 @@
+"""Tables of segmentations and of robustness: made of records alone, and the pages hold them."""
+
+import importlib
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from world_fixture import SMALL_FLAGS, TinyRun, TinySegmenter
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def scripts(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Finds a module of scripts/ by name."""
+    monkeypatch.syspath_prepend(ROOT / "scripts")
+    return importlib.import_module
+
+
+def interval(value: float) -> dict[str, float]:
+    return {"value": value, "low": value - 1.0, "high": value + 1.0}
+
+
+def record(method: str, seed: int, car: float) -> dict[str, Any]:
+    """Of ten scenes with cars that are found or not, as many for each class."""
+    classes = ("car", "vehicle", "drivable", "lane_boundary")
+    part = {"num_samples": 30, "num_scenes": 10, "classes": {"car": {"iou": interval(car)}}}
+    found = round(10 * car)
+    cells = {"true_positives": found, "false_positives": 0, "false_negatives": 1000 - found}
+    return {
+        "name": f"{method}-{seed}", "method": method, "seed": seed, "train_s": 600.0,
+        "runs_side_by_side": 2, "processor": "a processor", "precision": "32-true",
+        "world": {"train_scenes": 700}, "steps": 4000, "batch_size": 8, "grid": [100, 100],
+        "task": "segmentation", "split": "val", "cell_m": 1.0, "num_samples": 30, "num_scenes": 10,
+        "classes": {name: {"iou": interval(car)} for name in classes},
+        "baselines": {"prior_map": {name: {"iou": interval(5.0)} for name in classes}},
+        "by_distance": {"0-10 m": part}, "by_condition": {"day": part},
+        "by_scene": {
+            f"scene-{n:04d}": {"num_samples": 3, "classes": dict.fromkeys(classes, cells)}
+            for n in range(10)
+        },
+    }  # fmt: skip
+
+
+def test_tables_say_what_the_records_say(scripts: Any, tmp_path: Path) -> None:
+    page, queue = scripts("segmentation_table.page"), scripts("run_queue")
+    for made in (record("ours", 0, 30.0), record("ours", 1, 34.0), record("oft", 0, 25.0)):
+        queue.save_record(made, tmp_path / f"{made['name']}.json")
+    tables = page.all_tables(tmp_path, queue.load_records(tmp_path))
+    rows = [line.split(" | ") for line in tables["table1"].splitlines()]
+    ours = next(row for row in rows if row[0] == "| **Lift-Splat**")
+    assert ours[1] == "32.00 (30.00 to 34.00) [29.00, 35.00]"
+    assert ours[3].startswith("32.06")
+    # Both halves of a difference are exact here: no scene differs from another.
+    assert "| OFT | +7.00 [+7.00, +7.00]" in tables["paired"]
+    assert "0-10 m" in tables["rings"]
+    assert not any(page.all_tables(tmp_path, []).values())
+
+
+def test_the_pages_hold_what_the_records_say(scripts: Any) -> None:
+    queue = scripts("run_queue")
+    results = ROOT / "docs" / "results"
+    of_runs, asked = results / "segmentation", results / "robustness"
+    seg, rob = scripts("segmentation_table.page"), scripts("robustness_table.page")
+    tables = {
+        f"segmentation-{name}": text or "No run of these is finished yet."
+        for name, text in seg.all_tables(of_runs, queue.load_records(of_runs)).items()
+    } | {
+        f"robustness-{name}": text or "No run of these is finished yet."
+        for name, text in rob.all_tables(queue.load_records(asked)).items()
+    }
+    pages = "\n".join(page.read_text(encoding="utf-8") for page in results.glob("*.md"))
+    for name, text in tables.items():
+        assert f"<!-- {name} -->\n\n{text}\n\n<!-- /{name} -->" in pages, name
+
+
+def test_every_run_is_named_once(scripts: Any) -> None:
+    runs = scripts("segmentation_table.experiments").ALL
+    assert len({run.name for run in runs}) == len(runs) == 17
+    conditions = scripts("robustness_table.conditions")
+    for task in ("segmentation", "planning"):
+        for run in conditions.runs_of(task):
+            names = [condition.name for condition in conditions.conditions_of(run)]
+            assert len(set(names)) == len(names) > 1
+
+
+def test_runs_are_asked_under_conditions(
+    scripts: Any, tiny_segmenter: TinySegmenter, tiny_run: TinyRun
+) -> None:
+    asking, conditions = scripts("robustness_table.asking"), scripts("robustness_table.conditions")
+    blind = conditions.Condition("dark", conditions.Disturbance(missing=conditions.CAMERAS[:5]))
+    found = asking.ask("segmentation", tiny_segmenter.folder, blind, 1)
+    assert {"car", "drivable"} <= found.keys()
+    plain = conditions.Condition("plain", cameras=("CAM_FRONT", "CAM_BACK"))
+    scores = asking.ask("planning", tiny_run.folder, plain, 2)
+    assert set(scores) == {"top10", "nll"}
+    assert 0.0 <= scores["top10"]["value"] <= 100.0
+
+
+@pytest.mark.slow
+def test_a_run_is_trained_evaluated_and_recorded(
+    scripts: Any, tiny_segmenter: TinySegmenter, tmp_path: Path
+) -> None:
+    queue = scripts("run_queue")
+    records = scripts("segmentation_table.records")
+    (tmp_path / "world").symlink_to(tiny_segmenter.root)
+    place = queue.Place(tmp_path, tmp_path / "records", "segmentation")
+    run = queue.Experiment("uniform", "segment", 0, ("--model.lift", "uniform"))
+    flags = (*SMALL_FLAGS, "--optim.steps", "2", "--val-every", "2")
+    assert queue.run_all([run], place, records.SEGMENTATIONS, 1, flags) == []
+    kept = json.loads(place.record(run).read_text())
+    assert (kept["method"], kept["task"]) == ("uniform", "segmentation")
+    assert set(kept["classes"]) == {"car", "vehicle", "drivable", "lane_boundary"}
+    tables = scripts("segmentation_table.page").all_tables(place.records, [kept])
+    assert "| uniform depth |" in tables["table1"]
