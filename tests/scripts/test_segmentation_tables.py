@@ -70,6 +70,10 @@ def test_the_pages_hold_what_the_records_say(scripts: Any) -> None:
         f"robustness-{name}": text or "No run of these is finished yet."
         for name, text in rob.all_tables(queue.load_records(asked)).items()
     }
+    away = scripts("transfer").all_tables(
+        queue.load_records(results / "transfer"), queue.load_records(of_runs)
+    )
+    tables |= {name: text or "No run of these is finished yet." for name, text in away.items()}
     pages = "\n".join(page.read_text(encoding="utf-8") for page in results.glob("*.md"))
     for name, text in tables.items():
         assert f"<!-- {name} -->\n\n{text}\n\n<!-- /{name} -->" in pages, name
@@ -96,6 +100,15 @@ def test_runs_are_asked_under_conditions(
     scores = asking.ask("planning", tiny_run.folder, plain, 2)
     assert set(scores) == {"top10", "nll"}
     assert 0.0 <= scores["top10"]["value"] <= 100.0
+
+
+def test_a_run_is_asked_with_another_rig(scripts: Any, tiny_segmenter: TinySegmenter) -> None:
+    """Here its own; of the towns of both there is one table."""
+    transfer = scripts("transfer")
+    made = transfer.ask(tiny_segmenter.folder, tiny_segmenter.root, "ours", 0)
+    table = transfer.all_tables([made], [record("ours", 0, 30.0)])["transfer-table4"]
+    assert "| **Lift-Splat** | 30.00 [29.00, 31.00] |" in table
+    assert "| 21.35 | 22.59 |" in table
 
 
 @pytest.mark.slow
