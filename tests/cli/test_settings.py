@@ -29,6 +29,7 @@ from shoot.cli.demo import DemoConfig
 from shoot.cli.evaluate import EvaluateConfig
 from shoot.cli.fit_templates import DataSource, FitTemplatesConfig
 from shoot.cli.render import RenderConfig
+from shoot.planner import PlannerConfig
 from shoot.templates import TemplateSet
 from shoot.training.config import OptimConfig
 from shoot.training.planning.config import DEMO, PAPER, PRESETS, TrainConfig
@@ -43,6 +44,7 @@ PLACE = (NAN, INF, -INF, 1e9)
 
 # Each number of each config class with values that it cannot have.
 IMPOSSIBLE: dict[type, dict[str, tuple[Any, ...]]] = {
+    PlannerConfig: {"margin_per_m": (0.0, -0.1, 1e9, NAN, INF)},
     DepthBins: {
         "min_m": (*LENGTH, 45.0, 50.0),
         "max_m": (*LENGTH, 4.0, 3.0),
