@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
 
+from benchmarks.machine import processor_name
+
 from lss_core.files import write_atomically
 
 logger = logging.getLogger(__name__)
@@ -88,6 +90,43 @@ class Kind:
     evaluate_flags: Callable[[Path], Sequence[str]]
     record_of: Callable[[Experiment, Path, int], Record]
     told: Callable[[Record], str]
+
+
+def choose(experiments: Sequence[Experiment], only: Sequence[str]) -> list[Experiment]:
+    """Those of some planners (or methods) or of some names; all if none is asked for.
+
+    Raises:
+        SystemExit: If there are no such.
+    """
+    chosen = [e for e in experiments if not only or e.planner in only or e.name in only]
+    if not chosen:
+        raise SystemExit(
+            f"No run is called {', '.join(only)}; there are "
+            f"{', '.join(e.name for e in experiments)}."
+        )
+    return chosen
+
+
+def facts_of(experiment: Experiment, folder: Path, root: str, jobs: int) -> Record:
+    """What is kept of every finished run: what it was told, where it ran, and how long it took.
+
+    Args:
+        experiment: The run.
+        folder: Its folder.
+        root: Of its data set, which has a card.
+        jobs: How many ran side by side.
+    """
+    return {
+        "preset": experiment.preset,
+        "seed": experiment.seed,
+        "flags": list(experiment.flags),
+        "train_s": read_json(folder / "training_time.json")["train_s"],
+        "evaluate_s": read_json(folder / "evaluation_time.json")["evaluate_s"],
+        "runs_side_by_side": jobs,
+        "processor": processor_name(),
+        "environment": read_json(folder / "environment.json"),
+        "world": read_json(Path(root) / "world.json"),
+    }
 
 
 def run_all(

@@ -15,7 +15,7 @@ from typing import Annotated
 
 import tyro
 from data_set import make_data
-from run_queue import Place, load_records, run_all, run_script
+from run_queue import Place, choose, load_records, run_all, run_script
 from segmentation_table.experiments import ALL
 from segmentation_table.page import write_tables
 from segmentation_table.records import SEGMENTATIONS
@@ -55,14 +55,7 @@ class TablesConfig:
 
 def segmentation_tables(config: TablesConfig) -> list[str]:
     """Do what is left to do; returns the names of runs that failed."""
-    chosen = [
-        e for e in ALL if not config.only or e.planner in config.only or e.name in config.only
-    ]
-    if not chosen:
-        raise SystemExit(
-            f"No run is called {', '.join(config.only)}; there are "
-            f"{', '.join(e.name for e in ALL)}."
-        )
+    chosen = choose(ALL, config.only)
     failed: list[str] = []
     if not config.tables_only:
         place = Place(config.folder, config.records, "segmentation")

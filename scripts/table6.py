@@ -17,7 +17,7 @@ import tyro
 from planning_table.experiments import ALL
 from planning_table.page import write_tables
 from planning_table.work import prepare, run_all
-from run_queue import Place, load_records, run_script
+from run_queue import Place, choose, load_records, run_script
 
 from lss_core.bounds import Bounds, Workers, check_settings
 from shoot.cli.fit_templates import NumTemplates
@@ -60,14 +60,7 @@ class TableConfig:
 
 def table6(config: TableConfig) -> list[str]:
     """Do what is left to do; returns the names of runs that failed."""
-    chosen = [
-        e for e in ALL if not config.only or e.planner in config.only or e.name in config.only
-    ]
-    if not chosen:
-        raise SystemExit(
-            f"No run is called {', '.join(config.only)}; there are "
-            f"{', '.join(e.name for e in ALL)}."
-        )
+    chosen = choose(ALL, config.only)
     failed: list[str] = []
     if not config.tables_only:
         place = Place(config.folder, config.records)

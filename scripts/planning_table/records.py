@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.machine import processor_name
-from run_queue import Experiment, Record, read_json
+from run_queue import Experiment, Record, facts_of, read_json
 
 from shoot.training.planning.run_folder import PlanningRun
 
@@ -22,15 +21,7 @@ def record_of(experiment: Experiment, folder: Path, jobs: int) -> Record:
     return {
         "name": experiment.name,
         "planner": experiment.planner,
-        "preset": experiment.preset,
-        "seed": experiment.seed,
-        "flags": list(experiment.flags),
-        "train_s": read_json(run.time_file)["train_s"],
-        "evaluate_s": read_json(folder / "evaluation_time.json")["evaluate_s"],
-        "runs_side_by_side": jobs,
-        "processor": processor_name(),
-        "environment": read_json(folder / "environment.json"),
-        "world": read_json(Path(config.data.root) / "world.json"),
+        **facts_of(experiment, folder, config.data.root, jobs),
         "templates_sha256": run.templates().sha256,
         "steps": config.optim.steps,
         "batch_size": config.optim.batch_size,

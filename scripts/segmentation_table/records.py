@@ -2,8 +2,7 @@
 
 from pathlib import Path
 
-from benchmarks.machine import processor_name
-from run_queue import Experiment, Kind, Record, read_json
+from run_queue import Experiment, Kind, Record, facts_of, read_json
 
 from shoot.training.run_folder import RunFolder
 from shoot.training.segmentation.config import SegmentConfig
@@ -11,20 +10,11 @@ from shoot.training.segmentation.config import SegmentConfig
 
 def record_of(experiment: Experiment, folder: Path, jobs: int) -> Record:
     """What is worth keeping of a finished run; `by_scene` makes paired differences of two."""
-    run = RunFolder(folder)
-    config = run.read_config(SegmentConfig)
+    config = RunFolder(folder).read_config(SegmentConfig)
     return {
         "name": experiment.name,
         "method": experiment.planner,
-        "preset": experiment.preset,
-        "seed": experiment.seed,
-        "flags": list(experiment.flags),
-        "train_s": read_json(run.time_file)["train_s"],
-        "evaluate_s": read_json(folder / "evaluation_time.json")["evaluate_s"],
-        "runs_side_by_side": jobs,
-        "processor": processor_name(),
-        "environment": read_json(folder / "environment.json"),
-        "world": read_json(Path(config.data.root) / "world.json"),
+        **facts_of(experiment, folder, config.data.root, jobs),
         "steps": config.optim.steps,
         "batch_size": config.optim.batch_size,
         "precision": config.precision,
