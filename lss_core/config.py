@@ -97,7 +97,8 @@ class ModelConfig:
 
     Attributes:
         backbone: Name of a timm model for the images, or `plain-16-32-64-128` (see ImageEncoder).
-        pretrained: `timm` (downloads ImageNet weights), `none`, or the path of a weights file.
+        pretrained: `timm` (downloads ImageNet weights), `none`, or the path of a file with a timm
+            model's weights, or a run's (weights.safetensors), of which the backbone is taken.
         context_channels: C, the length of a pixel's context vector or of a lidar pillar's features.
         image_stride: Pixels per feature cell, 8 or 16.
         neck_channels: Width of the convolutions that join the backbone's two strides.

@@ -23,6 +23,8 @@ from lss_core.errors import DataError
 IMAGENET_MEAN = (0.485, 0.456, 0.406)
 IMAGENET_STD = (0.229, 0.224, 0.225)
 _HUB_PATIENCE_S = 5.0
+# Where the weights of a run keep their backbone.
+_OF_RUNS = "model.image_encoder.backbone."
 
 
 class ImageEncoder(nn.Module):
@@ -138,14 +140,14 @@ def create_backbone(
         )
     out_indices = tuple(reductions.index(r) for r in wanted)
     net = _create(timm_name, name, {**options, "out_indices": out_indices}, pretrained == "timm")
-    if pretrained not in ("timm", "none"):
-        _load_weights(net, _create(timm_name, name, options, features_only=False), Path(pretrained))
     if isinstance(net, (EfficientNetFeatures, MobileNetV3Features)):
         # timm's EfficientNets keep the stages nobody reads, its other networks do not.
         last_stage = max(info["stage"] for info in _feature_info(net).get_dicts())
         net.blocks = net.blocks[:last_stage]
     suit_cpus(net)
     channels = _feature_info(net).channels()
+    if pretrained not in ("timm", "none"):
+        _load_weights(net, _create(timm_name, name, options, features_only=False), Path(pretrained))
     normalisation = getattr(net, "pretrained_cfg", None) or {}
     mean = IMAGENET_MEAN if options else normalisation.get("mean", IMAGENET_MEAN)
     std = IMAGENET_STD if options else normalisation.get("std", IMAGENET_STD)
@@ -231,7 +233,10 @@ def _feature_info(net: nn.Module) -> Any:
 
 
 def _load_weights(net: nn.Module, whole_model: nn.Module, path: Path) -> None:
-    """Fill the backbone from a weights file of the whole timm model (its head is not needed)."""
+    """Fill the backbone from a weights file of the whole timm model, or of a run of ours.
+
+    Of a timm model the head is not needed, of a run nothing but its image backbone.
+    """
     if not path.is_file():
         raise DataError(
             f"No weights file at {path}; give --model.pretrained timm, none, or an existing file."
@@ -248,6 +253,12 @@ def _load_weights(net: nn.Module, whole_model: nn.Module, path: Path) -> None:
         state = state["state_dict"]
     if not isinstance(state, dict) or not all(isinstance(v, Tensor) for v in state.values()):
         raise DataError(f"{path} does not hold a dictionary of tensors.")
+    of_run = {
+        key.removeprefix(_OF_RUNS): value
+        for key, value in state.items()
+        if key.startswith(_OF_RUNS)
+    }
+    state = of_run or state
     own = net.state_dict()
     missing = [key for key in own if key not in state]
     odd = [key for key in state if key not in own and key not in whole_model.state_dict()]
@@ -256,6 +267,7 @@ def _load_weights(net: nn.Module, whole_model: nn.Module, path: Path) -> None:
         if keys:
             raise DataError(
                 f"{path} does not fit the backbone: it {problem} {len(keys)} of its weights, first "
-                f"{keys[0]!r}. Give a file saved from the same timm model."
+                f"{keys[0]!r}. Give a file saved from the same timm model, or the weights of a run "
+                "with this backbone."
             )
     net.load_state_dict({key: state[key] for key in own})

@@ -105,6 +105,18 @@ def test_a_weights_file_of_the_whole_model_fills_the_backbone(
     torch.testing.assert_close(fine, intermediates[-2])
 
 
+@pytest.mark.parametrize("name", ["plain-4-6-8", "efficientnet_b0"])
+def test_the_weights_of_a_run_fill_the_backbone(tmp_path: Path, name: str) -> None:
+    torch.manual_seed(1)
+    trained, *_ = create_backbone(name, "none", 16)
+    state = {f"model.image_encoder.backbone.{k}": v for k, v in trained.state_dict().items()}
+    path = tmp_path / "weights.safetensors"
+    safetensors.torch.save_file(state | {"planner.templates": torch.zeros(3)}, path)
+    net, *_ = create_backbone(name, str(path), 16)
+    for key, value in trained.state_dict().items():
+        assert torch.equal(net.state_dict()[key], value), key
+
+
 def _spoil(state: dict[str, torch.Tensor], how: str) -> object:
     if how == "lacks":
         del state["layer1.0.conv1.weight"]
