@@ -140,6 +140,8 @@ def test_validation_writes_an_overlap_for_each_class(
 
 
 @pytest.mark.trains
+@pytest.mark.full  # the loop is the planners', whose tests of it run every day
+@pytest.mark.full  # the loop is the planners', whose tests of it run every day
 def test_killed_run_ends_as_an_undisturbed_one(
     tiny_segmenter: TinySegmenter, tmp_path: Path
 ) -> None:
