@@ -52,13 +52,7 @@ class SampleView:
     caption: str = ""
 
     def __post_init__(self) -> None:
-        num_cameras = len(self.camera_names)
-        given = (len(self.images), len(self.pixel_from_camera), len(self.ego_from_camera))
-        if given != (num_cameras,) * 3:
-            raise ValueError(
-                f"A view of {num_cameras} cameras needs as many images, intrinsics and poses, "
-                f"got {given}."
-            )
+        check_cameras(self.camera_names, self.images, self.pixel_from_camera, self.ego_from_camera)
         if self.cost_map is not None and self.cost_map.shape != self.grid.shape:
             raise ValueError(
                 f"The cost map has {self.cost_map.shape} cells, its grid {self.grid.shape}."
@@ -140,3 +134,21 @@ def from_origin(waypoints_m: Float[FloatArray, "T 2"]) -> Float[FloatArray, "T_1
     """The waypoints with the ego's present place, (0, 0), before them."""
     path: FloatArray = np.concatenate([np.zeros((1, 2)), waypoints_m.astype(np.float64)])
     return path
+
+
+def check_cameras(names: tuple[str, ...], *of_each: np.ndarray[Any, np.dtype[Any]]) -> None:
+    """Check that there is one of everything for each of N cameras.
+
+    Args:
+        names: Of the cameras.
+        of_each: Images, intrinsics and poses.
+
+    Raises:
+        ValueError: If not.
+    """
+    given = tuple(len(values) for values in of_each)
+    if given != (len(names),) * len(given):
+        raise ValueError(
+            f"A view of {len(names)} cameras needs as many images, intrinsics and poses, got "
+            f"{given}."
+        )

@@ -10,7 +10,7 @@ from matplotlib.colors import to_rgb
 
 from lss_core.grid import BevGrid
 from shoot.rendering import palette
-from shoot.rendering.sample_view import FloatArray
+from shoot.rendering.sample_view import FloatArray, check_cameras
 
 ByteArray = np.ndarray[Any, np.dtype[np.uint8]]
 
@@ -51,13 +51,7 @@ class SegmentationView:
     caption: str = ""
 
     def __post_init__(self) -> None:
-        num_cameras = len(self.camera_names)
-        given = (len(self.images), len(self.pixel_from_camera), len(self.ego_from_camera))
-        if given != (num_cameras,) * 3:
-            raise ValueError(
-                f"A view of {num_cameras} cameras needs as many images, intrinsics and poses, "
-                f"got {given}."
-            )
+        check_cameras(self.camera_names, self.images, self.pixel_from_camera, self.ego_from_camera)
         if len(self.iou) != len(self.classes):
             raise ValueError(f"{len(self.classes)} classes need as many IoUs, got {len(self.iou)}.")
         shape = (len(self.classes), *self.grid.shape)

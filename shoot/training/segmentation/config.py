@@ -63,6 +63,6 @@ SEGMENT = SegmentConfig(
 )
 
 PRESETS: dict[str, tuple[str, SegmentConfig]] = {
-    "segment": ("Segmentation: 20 minutes on two cores.", SEGMENT),
+    "segment": ("Segmentation, small enough for two cores without a GPU.", SEGMENT),
     "segment-paper": ("Segmentation at the paper's sizes, 300k steps.", SEGMENT_PAPER),
 }

@@ -1,60 +1,27 @@
+"""The picture of a sample: paths, map, ranks and legend say the same."""
+
 from pathlib import Path
 
 import matplotlib.image as mpl_image
 import numpy as np
 import pytest
-from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from rendering_case import (
+    PIXEL_FROM_CAMERA,
+    REFUSED,
+    looking,
+    make_view,
+    map_axes,
+    straight,
+)
 
 from lss_core.config import CAMERAS
 from lss_core.grid import BevGrid
-from shoot.rendering import SampleView, palette, render_sample, render_templates, save_figure
-from shoot.rendering.bev_panel import close_extent, cost_range, draw_driven, draw_ego, whole_extent
-from shoot.rendering.camera_panel import project_path, project_ribbon, subdivide
+from shoot.rendering import palette, render_sample, save_figure
+from shoot.rendering.bev_panel import close_extent, cost_range, draw_ego, whole_extent
 from shoot.rendering.layout import camera_places
 from shoot.rendering.sample_view import from_origin, rank
-
-# A camera 1.5 m above the ego origin that looks forward: (x, y, 0) is seen at
-# u = 80 - 100 y / x, v = 60 + 150 / x.
-PIXEL_FROM_CAMERA = np.array([[100.0, 0.0, 80.0], [0.0, 100.0, 60.0], [0.0, 0.0, 1.0]])
-FORWARD = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-IMAGE_HW = (120, 160)
-REFUSED = (ValueError, TypeError)  # shape types, active in tests, may speak first
-TIMES_S = 0.25 * np.arange(1, 21)
-
-
-def looking(yaw_rad: float) -> np.ndarray:
-    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
-    ego_from_camera = np.eye(4)
-    ego_from_camera[:3, :3] = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1.0]]) @ FORWARD
-    ego_from_camera[2, 3] = 1.5
-    return ego_from_camera
-
-
-def straight(speed_mps: float, slope: float = 0.0) -> np.ndarray:
-    x_m = speed_mps * TIMES_S
-    return np.stack([x_m, slope * x_m], axis=-1)
-
-
-def make_view(**changes: object) -> SampleView:
-    grid = BevGrid(-50.0, 50.0, -50.0, 50.0, 2.0)
-    left, ahead, right = straight(5.0, 0.8), straight(6.0), straight(5.0, -0.8)
-    fields: dict[str, object] = {
-        "images": np.full((6, *IMAGE_HW, 3), 128, np.uint8),
-        "pixel_from_camera": np.tile(PIXEL_FROM_CAMERA, (6, 1, 1)),
-        "ego_from_camera": np.stack(
-            [looking(np.deg2rad(d)) for d in (55.0, 0.0, -55.0, 110.0, 180.0, -110.0)]
-        ),
-        "grid": grid,
-        "cost_map": np.linspace(0.0, 1.0, 2500).reshape(50, 50),
-        "templates": np.stack([left, ahead, right]),
-        "probabilities": np.array([0.5, 0.3, 0.2]),
-        "driven": straight(6.2),
-        "title": "scene",
-        "caption": "day",
-    }
-    return SampleView(**{**fields, **changes})  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")
@@ -69,81 +36,6 @@ def lines(figure: Figure, gid: str) -> list:
 def camera_axes(figure: Figure, name: str):
     (axes,) = [a for a in figure.axes if any(t.get_text() == name for t in a.texts)]
     return axes
-
-
-def map_axes(figure: Figure):
-    (axes,) = [a for a in figure.axes if a.get_xlabel() == "y: left (m)"]
-    return axes
-
-
-# Projection ---------------------------------------------------------------------------------------
-
-
-def test_straight_path_hits_hand_worked_pixels() -> None:
-    path_m = np.array([[0.0, 0.0], [30.0, 3.0]])  # y = x / 10: u = 70, v = 60 + 150 / x
-    (pixels,) = project_path(path_m, PIXEL_FROM_CAMERA, looking(0.0), IMAGE_HW)
-    np.testing.assert_allclose(pixels[:, 0], 70.0, atol=1e-9)
-    assert pixels[-1, 1] == pytest.approx(65.0)
-    # The image ends at v = 119.5, 2.52 m ahead; the line goes on past it by one step, no more.
-    assert pixels[0, 1] > 119.5 >= pixels[1, 1]
-    assert pixels[0, 1] < 60.0 + 150.0 / (2.52 - 0.15)
-
-
-def test_left_of_the_car_is_left_in_the_image() -> None:
-    (pixels,) = project_path(
-        from_origin(straight(5.0, 0.3)), PIXEL_FROM_CAMERA, looking(0.0), IMAGE_HW
-    )
-    assert (pixels[:, 0] < 80.0).all()
-    (mirrored,) = project_path(
-        from_origin(straight(5.0, -0.3)), PIXEL_FROM_CAMERA, looking(0.0), IMAGE_HW
-    )
-    np.testing.assert_allclose(pixels[:, 0] + mirrored[:, 0], 160.0, atol=1e-9)
-
-
-def test_nothing_of_a_path_behind_the_camera() -> None:
-    ahead_m = from_origin(straight(8.0))
-    assert project_path(ahead_m, PIXEL_FROM_CAMERA, looking(np.pi), IMAGE_HW) == []
-    assert project_ribbon(ahead_m, 1.85, PIXEL_FROM_CAMERA, looking(np.pi), IMAGE_HW) == []
-    assert project_path(-ahead_m, PIXEL_FROM_CAMERA, looking(np.pi), IMAGE_HW) != []
-
-
-def test_path_that_passes_the_camera_is_cut_before_it() -> None:
-    path_m = np.array([[-20.0, 0.4], [20.0, 0.4]])
-    parts = project_path(path_m, PIXEL_FROM_CAMERA, looking(0.0), IMAGE_HW)
-    assert len(parts) == 1
-    assert np.isfinite(parts[0]).all()
-    assert parts[0][:, 1].min() == pytest.approx(
-        67.5
-    )  # 20 m ahead; nothing above, nothing mirrored
-
-
-def test_path_that_leaves_and_returns_gives_two_parts() -> None:
-    path_m = np.array([[20.0, 0.0], [20.0, 30.0], [25.0, 30.0], [25.0, 0.0]])
-    assert len(project_path(path_m, PIXEL_FROM_CAMERA, looking(0.0), IMAGE_HW)) == 2
-
-
-def test_ribbon_is_as_wide_as_the_car() -> None:
-    path_m = np.array([[0.0, 0.0], [30.0, 0.0]])
-    (outline,) = project_ribbon(path_m, 2.0, PIXEL_FROM_CAMERA, looking(0.0), IMAGE_HW)
-    far = outline[np.isclose(outline[:, 1], 65.0)]  # 30 m ahead: one metre is 100 / 30 pixels
-    np.testing.assert_allclose(np.sort(far[:, 0]), [80.0 - 100 / 30, 80.0 + 100 / 30])
-
-
-def test_standing_still_draws_no_line() -> None:
-    path_m = np.zeros((21, 2))
-    assert project_path(path_m, PIXEL_FROM_CAMERA, looking(0.0), IMAGE_HW) == []
-    assert project_ribbon(path_m, 2.0, PIXEL_FROM_CAMERA, looking(0.0), IMAGE_HW) == []
-
-
-def test_subdividing_keeps_corners_and_bounds_steps() -> None:
-    path_m = np.array([[0.0, 0.0], [1.03, 0.0], [1.03, 0.0], [1.03, 2.0]])
-    fine = subdivide(path_m, 0.1)
-    assert np.linalg.norm(np.diff(fine, axis=0), axis=-1).max() <= 0.1 + 1e-9
-    assert np.isclose(fine, [1.03, 0.0]).all(axis=-1).sum() == 1
-    np.testing.assert_allclose(fine[[0, -1]], path_m[[0, -1]])
-
-
-# The picture of a sample --------------------------------------------------------------------------
 
 
 def test_paths_appear_only_in_cameras_that_see_them(figure: Figure) -> None:
@@ -348,63 +240,6 @@ def test_ego_footprint_stands_on_its_rear_axle() -> None:
     corners = car.get_path().get_extents()
     assert (corners.y0, corners.y1) == pytest.approx((-1.0, 3.1))
     assert (corners.x0, corners.x1) == pytest.approx((-0.925, 0.925))
-
-
-# Templates ----------------------------------------------------------------------------------------
-
-
-def test_all_templates_are_drawn_frequent_ones_on_top() -> None:
-    templates = np.stack([straight(5.0, 0.8), straight(0.0), straight(10.0, -0.1)])
-    figure = render_templates(templates, np.array([5, 900, 40]))
-    axes = map_axes(figure)
-    (drawn,) = [c for c in axes.collections if isinstance(c, LineCollection)]
-    ends = np.array([segment[-1] for segment in drawn.get_segments()])
-    np.testing.assert_allclose(ends, templates[[0, 2, 1], -1][:, ::-1])
-    left_px, top_px = axes.transData.transform(ends[0])
-    ego_px = axes.transData.transform((0.0, 0.0))
-    assert left_px < ego_px[0]
-    assert top_px > ego_px[1]
-    assert axes.get_aspect() == 1.0
-    low, high = axes.get_ylim()
-    assert low < 0.0
-    assert high > 50.0
-    assert "3 templates of 5 s, from 945 futures" in figure.texts[0].get_text()
-
-
-def test_nothing_is_said_of_futures_that_nobody_counted() -> None:
-    templates = np.stack([straight(5.0), straight(8.0)])
-    figure = render_templates(templates, np.zeros(2, int), dt_s=0.5)
-    assert figure.texts[0].get_text() == "2 templates of 10 s"
-    assert not any("trajectories" in axes.get_ylabel() for axes in figure.axes)
-    named = [name for axes in figure.axes for name in axes.get_legend_handles_labels()[1]]
-    assert named == ["templates"]
-
-
-@pytest.mark.parametrize("dt_s", [0.1, 0.25, 0.3, 0.5])
-def test_marks_are_at_whole_seconds_whatever_the_step(dt_s: float) -> None:
-    way_m = 6.0 * dt_s * np.arange(1, round(3.0 / dt_s) + 1)
-    axes = Figure().add_subplot()
-    draw_driven(axes, np.stack([way_m, 0.5 * way_m], axis=-1), dt_s)
-    (marks,) = [line for line in axes.lines if line.get_gid() == "driven-seconds"]
-    np.testing.assert_allclose(marks.get_ydata(), [6.0, 12.0, 18.0], atol=1e-5)
-    np.testing.assert_allclose(marks.get_xdata(), [3.0, 6.0, 9.0], atol=1e-5)
-
-
-def test_templates_without_counts_are_refused() -> None:
-    with pytest.raises(REFUSED, match="count"):
-        render_templates(np.zeros((3, 20, 2)), np.ones(2, int))
-    with pytest.raises(ValueError, match="one count each"):
-        render_templates(np.zeros((0, 20, 2)), np.ones(0, int))
-
-
-@pytest.mark.parametrize("k", [1, 12])
-def test_few_templates_of_equal_counts_are_drawn(k: int, tmp_path: Path) -> None:
-    templates = np.zeros((k, 20, 2))
-    path = save_figure(render_templates(templates, np.ones(k, int)), tmp_path / "t.png", dpi=40.0)
-    assert mpl_image.imread(path).std() > 0.02
-
-
-# Saving -------------------------------------------------------------------------------------------
 
 
 def test_saving_is_the_same_bytes_again(tmp_path: Path, figure: Figure) -> None:
