@@ -3,14 +3,16 @@
     python scripts/robustness.py [FOLDER] [--task segmentation] [--jobs 2]
 
 Trains a segmentation and a planner as usual, with noise, with dropped cameras and with four of the
-six, asks each of them under all conditions, and writes the tables of docs/results/robustness.md;
-hours in all. Run again, it goes on where it was. Records go to docs/results/robustness/, and the
-tables are made from these alone.
+six, asks each of them under all conditions, and writes tables and pictures of
+docs/results/robustness.md; hours in all. Those trained as usual are taken from
+segmentation_tables.py and table6.py, where these have run in the same folder. Run again, it goes on
+where it was. Records go to docs/results/robustness/, and what the page shows is made from these
+alone, all but one picture of what a run sees.
 """
 
 import logging
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -18,9 +20,12 @@ import tyro
 from data_set import make_data
 from planning_table.work import PLANNERS, prepare
 from robustness_table.asking import ask
-from robustness_table.conditions import Condition, conditions_of, runs_of
+from robustness_table.conditions import PLAIN, Condition, conditions_of, runs_of
+from robustness_table.curves_figure import draw_curves
+from robustness_table.missing_figure import draw_missing
 from robustness_table.page import write_tables
-from run_queue import Experiment, Place, load_records, run_all, run_script, save_record
+from robustness_table.rig_figure import draw_rig
+from run_queue import Place, is_trained, load_records, run_all, run_script, save_record
 from segmentation_table.records import SEGMENTATIONS
 
 from lss_core.bounds import Bounds, Count, Workers, check_settings
@@ -29,6 +34,8 @@ logger = logging.getLogger(__name__)
 
 Task = Literal["segmentation", "planning"]
 _KINDS = {"segmentation": SEGMENTATIONS, "planning": PLANNERS}
+# Groups of the runs of segmentation_tables.py and of table6.py.
+_TABLES = {"segmentation": "segmentation", "planning": ""}
 
 
 @dataclass(frozen=True)
@@ -41,8 +48,9 @@ class RobustnessConfig:
         jobs: Runs side by side; each gets its share of the cores.
         every: Every so many validation samples are asked about.
         records: Folder of the records.
-        pages: Folder of README.md and docs/, where the tables stand between markers.
-        tables_only: Make the tables from the records and end.
+        pages: Folder of README.md and docs/, where the tables stand between markers, and the
+            pictures in docs/images/.
+        tables_only: Make tables and pictures from the records and end.
         train_scenes: Scenes to train on.
         val_scenes: Scenes to evaluate on.
         flags: More arguments of shoot-train, for trials.
@@ -67,33 +75,56 @@ def robustness(config: RobustnessConfig) -> list[str]:
     """Do what is left to do; returns the names of runs that failed."""
     failed: list[str] = []
     for task in () if config.tables_only else config.task:
-        place = Place(config.folder, config.records / "runs" / task, f"robustness-{task}")
         sizes = config.train_scenes, config.val_scenes
         workers = len(os.sched_getaffinity(0))
+        own = _own_place(task, config)
         if task == "planning":
-            prepare(place, *sizes, k=1000, workers=workers)
+            prepare(own, *sizes, k=1000, workers=workers)
         else:
-            make_data(place.world, *sizes, workers, "all")
+            make_data(own.world, *sizes, workers)
         runs = runs_of(task)
-        failed += run_all(runs, place, _KINDS[task], config.jobs, config.flags)
-        for run in runs:
-            if place.record(run).exists():
-                for condition in conditions_of(run):
-                    _ask_once(task, place, run, condition, config)
-    write_tables(load_records(config.records), config.pages)
+        to_train = [run for name, run in runs.items() if _place_of(task, name, config) == own]
+        failed += run_all(to_train, own, _KINDS[task], config.jobs, config.flags)
+        for name, run in runs.items():
+            folder = _place_of(task, name, config).run(run)
+            if is_trained(folder):
+                for condition in conditions_of(name):
+                    _ask_once(task, name, folder, condition, config)
+                if (task, name) == ("segmentation", PLAIN):
+                    draw_missing(folder, _picture(config, "missing"))
+    records = load_records(config.records)
+    write_tables(records, config.pages)
+    draw_curves(records, _picture(config, "curves"))
+    draw_rig(records, _picture(config, "rig"))
     return failed
 
 
+def _picture(config: RobustnessConfig, name: str) -> Path:
+    return config.pages / "docs" / "images" / f"robustness_{name}.png"
+
+
+def _own_place(task: Task, config: RobustnessConfig) -> Place:
+    return Place(config.folder, config.records / "runs" / task, f"robustness-{task}")
+
+
+def _place_of(task: Task, name: str, config: RobustnessConfig) -> Place:
+    """Where a run is: the plain one with those of the tables, if it has been trained there."""
+    own = _own_place(task, config)
+    tables = replace(own, group=_TABLES[task])
+    shared = name == PLAIN and is_trained(tables.run(runs_of(task)[name]))
+    return tables if shared else own
+
+
 def _ask_once(
-    task: Task, place: Place, run: Experiment, condition: Condition, config: RobustnessConfig
+    task: Task, name: str, folder: Path, condition: Condition, config: RobustnessConfig
 ) -> None:
     """Leave a record of it, unless there is one."""
-    file = config.records / f"{task}-{run.planner}-{condition.name.replace(' ', '')}.json"
+    file = config.records / f"{task}-{name}-{condition.name.replace(' ', '')}.json"
     if file.exists():
         return
-    logger.info(f"{task}, {run.planner}: asked with {condition.name}")
-    scores = ask(task, place.run(run), condition, config.every)
-    said = {"task": task, "run": run.planner, "condition": condition.name, "every": config.every}
+    logger.info(f"{task}, {name}: asked with {condition.name}")
+    scores = ask(task, folder, condition, config.every)
+    said = {"task": task, "run": name, "condition": condition.name, "every": config.every}
     save_record(said | {"scores": scores}, file)
 
 

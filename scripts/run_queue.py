@@ -129,6 +129,11 @@ def facts_of(experiment: Experiment, folder: Path, root: str, jobs: int) -> Reco
     }
 
 
+def is_trained(folder: Path) -> bool:
+    """Whether a run has come to its last step: one that was ended from outside has not."""
+    return (folder / "training_time.json").exists()
+
+
 def run_all(
     experiments: Sequence[Experiment],
     place: Place,
@@ -182,16 +187,15 @@ class _Queue:
         place = self._place
         folder = place.run(experiment)
         folder.mkdir(parents=True, exist_ok=True)
-        trained_in, evaluated_in = folder / "training_time.json", folder / "evaluation_time.json"
-        if not trained_in.exists():
+        evaluated_in = folder / "evaluation_time.json"
+        if not is_trained(folder):
             logger.info(f"{experiment.name}: training")
             train = [
                 "train", experiment.preset, "--data.root", str(place.world),
                 *self._kind.train_flags(place), "--out", str(folder),
                 "--seed", str(experiment.seed), "--resume", *experiment.flags, *self._flags,
             ]  # fmt: skip
-            # Written at the last step only: a run that was ended from outside is not done.
-            if not self._call(train, folder) or not trained_in.exists():
+            if not self._call(train, folder) or not is_trained(folder):
                 return False
         if not evaluated_in.exists():
             logger.info(f"{experiment.name}: evaluation")

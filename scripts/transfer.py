@@ -17,7 +17,7 @@ from typing import Annotated
 import tyro
 from marked_page import fill_pages
 from planning_table.cells import markdown, spread
-from run_queue import Place, Record, load_records, run_script, save_record
+from run_queue import Place, Record, is_trained, load_records, run_script, save_record
 from segmentation_table.experiments import ALL, CAMERAS, OURS
 
 from lss_core.bounds import Bounds, Workers, check_settings
@@ -85,7 +85,7 @@ def transfer(config: TransferConfig) -> list[str]:
         place = Place(config.folder, config.records, "segmentation")
         for run in ALL:
             if run.planner in CAMERAS and not place.record(run).exists():
-                if not (place.run(run) / "training_time.json").exists():
+                if not is_trained(place.run(run)):
                     waiting.append(run.name)
                     continue
                 logger.info(f"{run.name}: asked with the other rig")

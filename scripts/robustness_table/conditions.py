@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 from run_queue import Experiment
+from segmentation_table.experiments import OURS
 
 from lss_core.config import CAMERAS
 from shoot.prediction.disturbance import Disturbance
@@ -17,7 +18,12 @@ TRAINED_DROPS = (1, 2)
 NEW_CAMERAS = ("CAM_FRONT_LEFT", "CAM_BACK_LEFT")
 FOUR = tuple(name for name in CAMERAS if name not in NEW_CAMERAS)
 
-PRESETS = {"segmentation": "segment", "planning": "small"}
+PLAIN = "plain"
+# The runs as usual are those of the tables: Tables 1 and 2, Table 6.
+_PLAIN_RUNS = {
+    "segmentation": Experiment(OURS, "segment", 0),
+    "planning": Experiment("camera", "small", 0),
+}
 
 
 @dataclass(frozen=True)
@@ -43,23 +49,26 @@ def noise_flags(noise_rad: float) -> tuple[str, ...]:
     )  # fmt: skip
 
 
-def runs_of(task: str) -> tuple[Experiment, ...]:
-    """The runs of a task: as usual, with noise, with dropped cameras, with four of them."""
-    preset = PRESETS[task]
-    noisy = [
-        Experiment(f"noise-{level:g}", preset, 0, noise_flags(level)) for level in TRAINED_NOISE_RAD
-    ]
-    dropped = [
-        Experiment(f"drop-{num}", preset, 0, ("--data.drop-cameras", str(num)))
-        for num in TRAINED_DROPS
-    ]
-    four = Experiment("four", preset, 0, ("--data.cameras", *FOUR))
-    return (Experiment("plain", preset, 0), *noisy, *dropped, four)
+def runs_of(task: str) -> dict[str, Experiment]:
+    """How it was trained to its run: plain, with noise, with dropped cameras, with four of them."""
+    plain = _PLAIN_RUNS[task]
+    flags = {
+        **{f"noise-{level:g}": noise_flags(level) for level in TRAINED_NOISE_RAD},
+        **{f"drop-{num}": ("--data.drop-cameras", str(num)) for num in TRAINED_DROPS},
+        "four": ("--data.cameras", *FOUR),
+    }
+    changed = {name: Experiment(name, plain.preset, 0, told) for name, told in flags.items()}
+    return {PLAIN: plain, **changed}
 
 
-def conditions_of(run: Experiment) -> tuple[Condition, ...]:
+def curves_of(task: str, kind: str) -> list[str]:
+    """The runs that are compared as to `noise` or as to `drop`."""
+    return [name for name in runs_of(task) if name == PLAIN or name.startswith(kind)]
+
+
+def conditions_of(trained: str) -> tuple[Condition, ...]:
     """How a run is asked: the curves of Figure 6, the bars of Figure 7, the rows of Table 3."""
-    if run.planner == "four":
+    if trained == "four":
         first, second = NEW_CAMERAS
         return (
             Condition("4", cameras=FOUR),
@@ -72,5 +81,5 @@ def conditions_of(run: Experiment) -> tuple[Condition, ...]:
     ]
     drops = [Condition(f"drop-{num}", Disturbance(drop_cameras=num)) for num in DROPS]
     missing = [Condition(f"without-{name}", Disturbance(missing=(name,))) for name in CAMERAS]
-    by_kind = {"noise": noise, "drop": drops, "plain": [*noise, *drops[1:], *missing]}
-    return tuple(by_kind[run.planner.split("-")[0]])
+    by_kind = {"noise": noise, "drop": drops, PLAIN: [*noise, *drops[1:], *missing]}
+    return tuple(by_kind[trained.split("-")[0]])

@@ -8,7 +8,7 @@ from planning_table.cells import markdown, value_cell
 from run_queue import Record
 
 from lss_core.config import CAMERAS
-from robustness_table.conditions import DROPS, NOISE_RAD, conditions_of, runs_of
+from robustness_table.conditions import DROPS, NOISE_RAD, PLAIN, conditions_of, curves_of
 
 # What a table shows of each task; of a segmentation the class that the paper's figures show.
 _SHOWN = {
@@ -37,9 +37,7 @@ def all_tables(records: Sequence[Record]) -> dict[str, str]:
     found = {(r["task"], r["run"], r["condition"]): r["scores"] for r in records}
     made = {}
     for task, shown in _SHOWN.items():
-        names = [run.planner for run in runs_of(task)]
-        noisy = [name for name in names if name == "plain" or name.startswith("noise")]
-        dropped = [name for name in names if name == "plain" or name.startswith("drop")]
+        noisy, dropped = curves_of(task, "noise"), curves_of(task, "drop")
         for metric, label in shown.items():
             cells = {
                 (run, condition): value_cell(scores[metric], metric)
@@ -55,9 +53,8 @@ def all_tables(records: Sequence[Record]) -> dict[str, str]:
                 cells, dropped, {f"drop-{num}": f"{num} dropped" for num in DROPS}, label
             )
             missing = {"noise-0": "all cameras"} | {f"without-{c}": f"without {c}" for c in CAMERAS}
-            made[f"missing-{end}"] = _column(cells, "plain", missing, label)
-            four = next(run for run in runs_of(task) if run.planner == "four")
-            new = {condition.name: condition.name for condition in conditions_of(four)}
+            made[f"missing-{end}"] = _column(cells, PLAIN, missing, label)
+            new = {condition.name: condition.name for condition in conditions_of("four")}
             made[f"new-{end}"] = _column(cells, "four", new, label)
     return made
 

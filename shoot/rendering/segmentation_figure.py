@@ -4,13 +4,16 @@ Paper: figure 1 (predictions in colours from above, and drawn back onto the imag
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from lss_core.camera import project
+from lss_core.grid import BevGrid
 from shoot.rendering import palette
 from shoot.rendering.bev_panel import Extent, draw_ego, draw_scale_bar
 from shoot.rendering.image_panel import draw_image, where_seen
@@ -51,7 +54,10 @@ def render_segmentation(view: SegmentationView) -> Figure:
         axes = page.axes(left_in, top_in, MAP_IN, MAP_IN)
         axes.set_title(name, fontsize=12)
         axes.set_anchor("N")
-        _draw_map(axes, view, values)
+        draw_classes(axes, view.grid, view.classes, values)
+        axes.tick_params(labelsize=10, length=3)
+        axes.set_xlabel("y: left (m)", fontsize=10.5)
+        axes.set_ylabel("x: forward (m)", fontsize=10.5)
     page.figure.legend(
         handles=[
             *(
@@ -95,10 +101,12 @@ def _draw_dots(axes: Axes, view: SegmentationView, camera_idx: int, pt_per_px: f
     )
 
 
-def _draw_map(axes: Axes, view: SegmentationView, values: FloatArray) -> None:
-    grid = view.grid
+def draw_classes(
+    axes: Axes, grid: BevGrid, classes: Sequence[str], values: Float[FloatArray, "C X Y"]
+) -> None:
+    """A map in the colours of its classes, with the ego vehicle and a scale; forward is up."""
     axes.imshow(
-        np.clip(blend_classes(values, view.classes), 0.0, 1.0),
+        np.clip(blend_classes(values, classes), 0.0, 1.0),
         origin="lower",
         extent=(grid.y_min_m, grid.y_max_m, grid.x_min_m, grid.x_max_m),
         interpolation="nearest",
@@ -106,9 +114,6 @@ def _draw_map(axes: Axes, view: SegmentationView, values: FloatArray) -> None:
     )
     axes.set_xlim(grid.y_max_m, grid.y_min_m)  # y points left, so it grows to the left
     axes.set_ylim(grid.x_min_m, grid.x_max_m)
-    axes.tick_params(labelsize=10, length=3)
-    axes.set_xlabel("y: left (m)", fontsize=10.5)
-    axes.set_ylabel("x: forward (m)", fontsize=10.5)
     draw_ego(axes)
     draw_scale_bar(axes, Extent(grid.x_min_m, grid.x_max_m, grid.y_min_m, grid.y_max_m), 10.0)
 

@@ -84,8 +84,8 @@ def test_every_run_is_named_once(scripts: Any) -> None:
     assert len({run.name for run in runs}) == len(runs) == 18
     conditions = scripts("robustness_table.conditions")
     for task in ("segmentation", "planning"):
-        for run in conditions.runs_of(task):
-            names = [condition.name for condition in conditions.conditions_of(run)]
+        for trained in conditions.runs_of(task):
+            names = [condition.name for condition in conditions.conditions_of(trained)]
             assert len(set(names)) == len(names) > 1
 
 
@@ -100,6 +100,41 @@ def test_runs_are_asked_under_conditions(
     scores = asking.ask("planning", tiny_run.folder, plain, 2)
     assert set(scores) == {"top10", "nll"}
     assert 0.0 <= scores["top10"]["value"] <= 100.0
+
+
+def asked_of_all(scripts: Any) -> list[dict[str, Any]]:
+    """A record of every run under every condition."""
+    conditions = scripts("robustness_table.conditions")
+    scores = {name: interval(40.0) for name in ("car", "top10", "nll")}
+    return [
+        {"task": task, "run": run, "condition": condition.name, "scores": scores}
+        for task in ("segmentation", "planning")
+        for run in conditions.runs_of(task)
+        for condition in conditions.conditions_of(run)
+    ]
+
+
+def test_robustness_has_every_cell_and_picture_of_its_records(scripts: Any, tmp_path: Path) -> None:
+    records = asked_of_all(scripts)
+    tables = scripts("robustness_table.page").all_tables(records)
+    assert all("40.0" in table and "| - |" not in table for table in tables.values())
+    curves, rig = scripts("robustness_table.curves_figure"), scripts("robustness_table.rig_figure")
+    for draw, part in ((curves.draw_curves, records), (rig.draw_rig, records)):
+        path = tmp_path / f"{draw.__name__}.png"
+        assert not draw([], path)
+        assert not path.exists()
+        assert draw(part, path)
+        assert path.stat().st_size > 10_000
+    # Without one of its cameras' records a rig is not drawn.
+    assert not rig.draw_rig([r for r in records if r["condition"] != "without-CAM_BACK"], path)
+
+
+def test_one_moment_is_drawn_without_each_camera(
+    scripts: Any, tiny_segmenter: TinySegmenter, tmp_path: Path
+) -> None:
+    path = tmp_path / "missing.png"
+    scripts("robustness_table.missing_figure").draw_missing(tiny_segmenter.folder, path)
+    assert path.stat().st_size > 10_000
 
 
 def test_a_run_is_asked_with_another_rig(scripts: Any, tiny_segmenter: TinySegmenter) -> None:
