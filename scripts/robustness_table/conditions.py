@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 from run_queue import Experiment
-from segmentation_table.experiments import OURS
+from segmentation_table.experiments import LEARNED, OURS
 
 from lss_core.config import CAMERAS
 from shoot.prediction.disturbance import Disturbance
@@ -21,7 +21,7 @@ FOUR = tuple(name for name in CAMERAS if name not in NEW_CAMERAS)
 PLAIN = "plain"
 # The runs as usual are those of the tables: Tables 1 and 2, Table 6.
 _PLAIN_RUNS = {
-    "segmentation": Experiment(OURS, "segment", 0),
+    "segmentation": Experiment(OURS, "segment", 0, LEARNED),
     "planning": Experiment("camera", "small", 0),
 }
 
@@ -57,7 +57,10 @@ def runs_of(task: str) -> dict[str, Experiment]:
         **{f"drop-{num}": ("--data.drop-cameras", str(num)) for num in TRAINED_DROPS},
         "four": ("--data.cameras", *FOUR),
     }
-    changed = {name: Experiment(name, plain.preset, 0, told) for name, told in flags.items()}
+    changed = {
+        name: Experiment(name, plain.preset, 0, (*plain.flags, *told))
+        for name, told in flags.items()
+    }
     return {PLAIN: plain, **changed}
 
 

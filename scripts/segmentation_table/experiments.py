@@ -17,25 +17,25 @@ CAMERAS = {
     "oft": "OFT",
     "uniform": "uniform depth",
     OURS: "Lift-Splat",
-    "warm": "Lift-Splat, begun as the frozen one",
+    "scratch": "Lift-Splat, begun at random",
 }
 LIDARS = {"lidar1": "lidar, 1 scan", "lidar10": "lidar, 10 scans"}
 METHODS = CAMERAS | LIDARS
 
-# What the paper's image networks know beforehand is ImageNet, these know what a planner has learned
-# of such a city. A network that is frozen as it was drawn would see next to nothing.
-_LEARNED = ("--model.pretrained", "templates/synthetic-1000/weights.safetensors")
+# What the paper's image networks know beforehand is ImageNet, all of these know what a planner has
+# learned of such a city.
+LEARNED = ("--model.pretrained", "templates/synthetic-1000/weights.safetensors")
 _FLAGS = {
-    "cnn": ("--model.lift", "cnn"),
-    "frozen": ("--model.freeze-encoder", *_LEARNED),
-    "oft": ("--model.lift", "oft"),
-    "uniform": ("--model.lift", "uniform"),
-    OURS: (),
-    "warm": _LEARNED,
-    "lidar1": ("--data.lidar-scans", "1"),
+    OURS: LEARNED,
+    "frozen": ("--model.freeze-encoder", *LEARNED),
+    "cnn": ("--model.lift", "cnn", *LEARNED),
+    "uniform": ("--model.lift", "uniform", *LEARNED),
+    "oft": ("--model.lift", "oft", *LEARNED),
     "lidar10": ("--data.lidar-scans", "10"),
+    "lidar1": ("--data.lidar-scans", "1"),
+    "scratch": (),
 }
-_ONE_SEED = ("frozen", "uniform", "warm")
+_ONE_SEED = ("frozen", "uniform", "scratch")
 
 # The first seed of all comes first: then every row is there.
 ALL = tuple(
