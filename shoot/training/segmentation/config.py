@@ -55,7 +55,7 @@ SEGMENT = SegmentConfig(
     # of a planner's map, which leaves time for fewer steps.
     model=replace(CPU_MODEL, grid=BevGrid(cell_m=1.0)),
     optim=replace(CPU_OPTIM, steps=4000),
-    # Cars are 0.3 % of the city's cells. Weighed as others, so few steps make none of them probable.
+    # Cars are 0.3 % of the cells. Weighed as others, so few steps make none of them probable.
     pos_weights=(10.0, 10.0, 1.0, 5.0),
     val_every=800,
     val_samples=400,
