@@ -78,14 +78,14 @@ def feel(track: Track) -> Feel:
             "track, or more history."
         )
     yaw_rad = np.unwrap(track.yaw_rad)
-    accel, turn = (np.gradient(a, track.dt_s) for a in (track.speed_mps, yaw_rad))
+    accel, turn = (_slope(a, track.dt_s) for a in (track.speed_mps, yaw_rad))
     ahead_m = EGO_LENGTH_M / 2 - EGO_REAR_M
     lateral = track.speed_mps * turn
     lon, lat, amount = (
         _smooth(a, track.dt_s, _ACCEL_STEPS, 2)
         for a in (
             accel - turn**2 * ahead_m,
-            lateral + np.gradient(turn, track.dt_s) * ahead_m,
+            lateral + _slope(turn, track.dt_s) * ahead_m,
             np.hypot(accel, lateral),
         )
     )
@@ -181,6 +181,12 @@ def extended_comfort(plans: Sequence[Track], gap_s: float = PLAN_GAP_S) -> float
         return None
     agree = [plans_agree(one, two, gap_s) for one, two in pairwise(plans)]
     return float(np.mean(agree))
+
+
+def _slope(values: Array, dt_s: float) -> Array:
+    """Exact for squares, at the ends too."""
+    slope: Array = np.gradient(values, dt_s, edge_order=2)
+    return slope
 
 
 def _smooth(values: Array, dt_s: float, window: int, order: int, derivative: int = 0) -> Array:

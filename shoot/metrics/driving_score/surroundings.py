@@ -110,7 +110,8 @@ class Surroundings:
     @cached_property
     def route(self) -> shapely.LineString:
         """The route as shapely has it, prepared for many questions."""
-        route = shapely.LineString(self.route_m)
+        # Where lanes were joined a point may stand twice, and between the two is no direction.
+        route = shapely.LineString(shapely.remove_repeated_points(shapely.LineString(self.route_m)))
         shapely.prepare(route)
         return route
 

@@ -69,7 +69,10 @@ def test_who_stands_is_hit(speed_mps: float, cause: str) -> None:
 @pytest.mark.parametrize(("speed_mps", "cause"), [(0.05, "other stands"), (0.06, "from behind")])
 def test_backing_into_one_that_stands(speed_mps: float, cause: str) -> None:
     ego = drive(30.0 - 0.2 * STEPS)
-    assert only(ego, other(np.full(T, 24.0), speed_mps=speed_mps)) == (cause, cause != "from behind")
+    assert only(ego, other(np.full(T, 24.0), speed_mps=speed_mps)) == (
+        cause,
+        cause != "from behind",
+    )
 
 
 def test_a_cut_in_that_is_run_into_is_at_fault_by_the_front() -> None:
@@ -80,7 +83,9 @@ def test_a_cut_in_that_is_run_into_is_at_fault_by_the_front() -> None:
 
 def test_a_cut_in_into_the_side_is_not() -> None:
     ego = at_speed(10.0)
-    beside = other(10.0 + MIDDLE_M + 1.0 * STEPS, np.maximum(4.0 - 0.2 * STEPS, 1.0), speed_mps=10.0)
+    beside = other(
+        10.0 + MIDDLE_M + 1.0 * STEPS, np.maximum(4.0 - 0.2 * STEPS, 1.0), speed_mps=10.0
+    )
     assert only(ego, beside) == ("side", False)
 
 

@@ -69,30 +69,19 @@ def test_with_the_route_every_speed_will_do() -> None:
     assert ddc(at_speed(20.0)) == 1.0
 
 
-def test_half_a_second_in_the_wrong_lane_is_half_the_way() -> None:
-    """Five steps at 1.1 m make 5.5 m, six make 6.6."""
-    for steps, score in ((1, 1.0), (5, 0.5), (6, 0.0)):
-        y_m = np.where((np.arange(T) >= 10) & (np.arange(T) < 10 + steps), LANE_M, 0.0)
-        assert at_the_side(y_m) == score
+@pytest.mark.parametrize(("steps", "score"), [(1, 1.0), (2, 0.5), (5, 0.5), (6, 0.0)])
+def test_a_moment_against_the_direction_is_its_metres(steps: int, score: float) -> None:
+    """At 11 m/s a step is 1.1 m. The second may begin anywhere."""
+    since = np.arange(T) - 25
+    assert driving_direction(at_speed(11.0), (since >= 0) & (since < steps)) == score
 
 
-def at_the_side(y_m):
-    """DDC of moves that count along x only: those that hop aside do so while they stand."""
-    hops = np.flatnonzero(np.diff(y_m)) + 1
-    x_m, y_all = [10.0], [y_m[0]]
-    for step in range(1, len(y_m)):
-        if step in hops:
-            # In lanes' middle, where none is, nothing moves: y changes over ten standing steps.
-            for y in np.linspace(y_m[step - 1], y_m[step], 41)[1:]:
-                x_m.append(x_m[-1])
-                y_all.append(y)
-        x_m.append(x_m[-1] + (1.1 if y_m[step] > 0.0 else 0.0))
-        y_all.append(y_m[step])
-    around = road()
-    # Moves aside go along with the lane's direction neither forward nor back, and are left out.
-    ego = drive(np.array(x_m), np.array(y_all))
-    against = is_against(ego, around, locate(ego, around))
-    return driving_direction(ego, against & (np.diff(x_m, prepend=x_m[0]) > 0.0))
+def test_metres_of_different_seconds_do_not_add_up() -> None:
+    """Two steps of 0.9 m, then the same again 1 s after the first."""
+    ego = at_speed(9.0)
+    against = np.isin(np.arange(T), [20, 21, 30, 31])
+    assert driving_direction(ego, against) == 1.0
+    assert driving_direction(ego, against | (np.arange(T) == 29)) == 0.5
 
 
 def test_intersections_are_left_out() -> None:
@@ -102,7 +91,7 @@ def test_intersections_are_left_out() -> None:
 def test_a_lane_beside_in_the_same_direction_is_on_the_route() -> None:
     around = road()
     own = around.lanes.centrelines_m[0]
-    lanes = Lanes((own, own + [0.0, 4.0]), np.full(2, 4.0), np.array([True, True]))
+    lanes = Lanes((own, own + np.array([0.0, 4.0])), np.full(2, 4.0), np.array([True, True]))
     beside = Surroundings(around.drivable, lanes, around.route_m)
     assert ddc(at_speed(20.0, y_m=LANE_M), beside) == 1.0
 
@@ -128,13 +117,13 @@ def test_a_moment_on_the_line_ends_a_stretch_and_an_intersection_does_not() -> N
     back = aside.copy()
     back[19::19] = 0.0
     assert lk(at_speed(5.0, y_m=back)) == 1.0
-    # 41 steps of half a metre: from 18.05 m on, those in the intersection are gone.
+    # Of 41 steps of half a metre two are before the intersection.
     assert lk(at_speed(5.0, y_m=aside), road(junction=(12.0, 100.0))) == 1.0
-    # Nine before it and eleven behind it make twenty.
+    # Nine before it, eleven inside; eleven behind it make twenty.
     first_m = 10.0 + MIDDLE_M
     nine, ten = first_m + 4.2, first_m + 9.7
-    assert lk(at_speed(5.0, y_m=aside[:31]), road(junction=(nine, ten))) == 0.0
-    assert lk(at_speed(5.0, y_m=aside[:30]), road(junction=(nine, ten))) == 1.0
+    assert lk(at_speed(5.0, 31, y_m=0.6), road(junction=(nine, ten))) == 0.0
+    assert lk(at_speed(5.0, 30, y_m=0.6), road(junction=(nine, ten))) == 1.0
 
 
 @pytest.mark.parametrize(
