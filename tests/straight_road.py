@@ -8,6 +8,7 @@ from shoot.metrics.driving_score import Lanes, Lights, Others, Surroundings, Tra
 
 LANE_M = 4.0
 ROAD_M = 300.0
+BUSY_STEPS = 41
 # From the rear axle to the middle and to the front bumper.
 MIDDLE_M = EGO_LENGTH_M / 2 - EGO_REAR_M
 FRONT_M = EGO_LENGTH_M - EGO_REAR_M
@@ -75,6 +76,31 @@ def road(junction=None, red=None, num_steps=41):
         intersections=crossing,
         lights=lights,
     )
+
+
+def busy_scene(seed: int):
+    """A wild drive among eight others, some hit; a light that changes."""
+    rng = np.random.default_rng(seed)
+    steps = np.arange(BUSY_STEPS)
+    speed_mps = np.clip(
+        rng.uniform(2.0, 14.0) + np.cumsum(rng.normal(0, 0.2, BUSY_STEPS)), 0.0, None
+    )
+    yaw_rad = 0.15 * np.sin(steps / 9.0 + rng.uniform(0, 6))
+    x_m = 10.0 + np.cumsum(speed_mps * np.cos(yaw_rad)) * 0.1
+    y_m = rng.uniform(-1.0, 2.0) + np.cumsum(speed_mps * np.sin(yaw_rad)) * 0.1
+    cars = [
+        other(
+            rng.uniform(0.0, 60.0) + 0.1 * v * steps,
+            rng.uniform(-3.0, 6.0) + 0.05 * rng.normal() * steps,
+            rng.uniform(-3.0, 3.0),
+            v,
+            ("car", "object", "pedestrian", "truck")[k % 4],
+            tuple(rng.uniform(0.5, 4.0, 2)),
+        )
+        for k, v in enumerate(rng.uniform(0.0, 9.0, 8))
+    ]
+    around = road(junction=(25.0, 45.0), red=rng.random(BUSY_STEPS) < 0.5)
+    return drive(x_m, y_m, yaw_rad, speed_mps), together(*cars), around
 
 
 def moved_track(track, angle_rad, shift_m):

@@ -30,6 +30,7 @@ class Contact:
         other: Its place in `Others`.
         kind: What it is.
         step: When.
+        time_s: The same, from step 0 on.
         cause: How it came to it, see `find_contacts`.
         is_at_fault: Whether the ego is to blame.
     """
@@ -37,6 +38,7 @@ class Contact:
     other: int
     kind: Kind
     step: int
+    time_s: float
     cause: Cause
     is_at_fault: bool
 
@@ -84,7 +86,8 @@ def find_contacts(ego: Track, others: Others, where: Whereabouts) -> tuple[Conta
         else:
             cause = "front" if on_bumper[other, step] else "side"
         at_fault = cause in ("other stands", "front") or (cause == "side" and is_astray[step])
-        contacts.append(Contact(other, others.kinds[other], step, cause, bool(at_fault)))
+        time_s = step * ego.dt_s
+        contacts.append(Contact(other, others.kinds[other], step, time_s, cause, bool(at_fault)))
     return tuple(contacts)
 
 

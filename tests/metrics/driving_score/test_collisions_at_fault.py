@@ -32,6 +32,7 @@ def test_a_standing_car_is_hit_when_the_bumper_gets_there() -> None:
     (contact,) = contacts(ego, other(np.full(T, 22.05)))
     # Its rear bumper stands at 20.05.
     assert ego.xy_m[contact.step, 0] + FRONT_M > 20.05 > ego.xy_m[contact.step - 1, 0] + FRONT_M
+    assert contact.time_s == pytest.approx(0.1 * contact.step)
     assert (contact.cause, contact.is_at_fault) == ("other stands", True)
     assert no_collision((contact,)) == 0.0
 
