@@ -34,9 +34,11 @@ def test_a_car_ahead_at_the_same_speed_is_no_danger() -> None:
     assert ttc(at_speed(10.0), ahead) == 1.0
 
 
-def test_one_that_comes_up_from_behind_does_not_count() -> None:
+@pytest.mark.parametrize("around", [road(), road(junction=(0.0, 100.0))])
+def test_one_that_comes_up_from_behind_does_not_count(around) -> None:
+    """Neither where one beside would."""
     ego = at_speed(4.0, start_m=30.0)
-    assert ttc(ego, other(20.0 + 0.9 * STEPS, speed_mps=9.0)) == 1.0
+    assert ttc(ego, other(20.0 + 0.9 * STEPS, speed_mps=9.0), around) == 1.0
 
 
 @pytest.mark.parametrize(("speed_mps", "score"), [(0.004, 1.0), (0.006, 0.0)])
