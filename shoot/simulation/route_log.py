@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from lss_core.geometry import FloatArray
 from shoot.simulation.plan import Plan
 from shoot.simulation.vehicle import PHYSICS_S, VehicleState
-from shoot.world.traffic.live import Bodies, Cast
+from shoot.world.traffic.bodies import Bodies, Cast
 from shoot.world.traffic.recording import Agent, Recording
 
 Mode = Literal["reactive", "replay"]

@@ -11,7 +11,8 @@ from shoot.simulation.senses import Senses, SensorSettings
 from shoot.simulation.tracker import track
 from shoot.simulation.vehicle import PHYSICS_S, VehicleState, advance, steering_for
 from shoot.world.town.town import FloatArray, Town
-from shoot.world.traffic.live import EgoBody, LiveTraffic, stage
+from shoot.world.traffic.bodies import EgoBody
+from shoot.world.traffic.live import LiveTraffic, stage
 
 # The rule driver drives so long, so that speed and history exist.
 WARM_UP_S = 2.0

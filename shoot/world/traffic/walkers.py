@@ -1,15 +1,18 @@
 """People on foot: some cross at crosswalks when they may, some stroll along the pavement."""
 
+from copy import copy
 from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
 
+from lss_core.geometry import direction_of
 from shoot.world.town.curves import arc_lengths, point_at
 from shoot.world.town.town import FloatArray, Town
 from shoot.world.traffic.junctions import AMBER_S, SignalPlan
 from shoot.world.traffic.recording import RED
 
+WALKER_M = 0.6
 KERB_ROOM_M = 0.6
 PAVEMENT_EDGE_M = 0.35
 # Who is that near to the kerb and may walk is about to: drivers give way.
@@ -54,6 +57,17 @@ class Walker:
 
     def __post_init__(self) -> None:
         self.length_m = float(arc_lengths(self.path_m)[-1])
+
+    def size_m(self) -> FloatArray:
+        """[3] length, width, height of the box."""
+        return np.array([WALKER_M, WALKER_M, self.height_m])
+
+    def pose(self, at_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """([T, 2] points, [T] headings) at [T] arc lengths, in the town's frame."""
+        s_m = arc_lengths(self.path_m)
+        xy_m = np.stack([np.interp(at_m, s_m, self.path_m[:, i]) for i in (0, 1)], axis=1)
+        side = np.clip(np.searchsorted(s_m, at_m, side="right") - 1, 0, len(s_m) - 2)
+        return xy_m, direction_of(np.diff(self.path_m, axis=0)[side])
 
 
 def crosswalk_signals(town: Town) -> dict[int, int]:
@@ -184,6 +198,22 @@ class Pavements:
                 point, _ = point_at(lane.centreline_m, at_m + 1.5)
                 self._lane_at[lane.lane_id, c] = float((point - start) @ across)
         self._may_walk: dict[int, bool] = {}
+
+    def copy(self) -> "Pavements":
+        """The same people once more, without their past."""
+        there = copy(self)
+        twin = {walker: copy(walker) for walker in self.walkers}
+        for walker in twin.values():
+            walker.trace_m = walker.trace_m[-1:]
+        there.walkers = list(twin.values())
+        there._by_crosswalk = {c: [twin[w] for w in on] for c, on in self._by_crosswalk.items()}
+        there._may_walk = dict(self._may_walk)
+        return there
+
+    def adopt(self, other: "Pavements") -> None:
+        """Put everybody to where they are in another run."""
+        for walker, theirs in zip(self.walkers, other.walkers, strict=True):
+            walker.at_m, walker.is_walking = theirs.at_m, theirs.is_walking
 
     def is_blocked(self, lane: int, crosswalk: int) -> bool:
         """Whether somebody on (or about to step onto) a crosswalk has yet to clear a lane."""
