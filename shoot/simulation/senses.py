@@ -47,6 +47,9 @@ def _paint(town: Town, cell_m: float) -> Paint:
 class Senses:
     """Sensors, light and weather of one scene, those that a data set has of the same seed.
 
+    Attributes:
+        cameras: Those that are read, in order, as mounted.
+
     Args:
         town: Where.
         seed: Of the scene.
@@ -60,7 +63,7 @@ class Senses:
         self._settings = settings
         rig = make_rig(seed, settings.image_scale, settings.lidar_azimuths, RIG_PLANS[settings.rig])
         by_channel = {camera.channel: camera for camera in rig.cameras}
-        self._cameras = [by_channel[channel] for channel in settings.cameras]
+        self.cameras = [by_channel[channel] for channel in settings.cameras]
         paint = _paint(town, texel_m(settings.image_scale))
         self._sensors = CitySensors(town, recording, make_look(seed), rig, seed, paint)
 
@@ -75,7 +78,7 @@ class Senses:
         self._sensors.movers = Movers(recording)
         ego_from_town = invert(_town_from_ego(recording, time_s))
         return Sights(
-            views=tuple(self._view(camera, time_s, ego_from_town) for camera in self._cameras),
+            views=tuple(self._view(camera, time_s, ego_from_town) for camera in self.cameras),
             scans=tuple(
                 self._scan(time_s, k * LIDAR_PERIOD_S, ego_from_town)
                 for k in range(self._settings.num_scans)

@@ -1,7 +1,7 @@
 """What all drivers are: something that reads sensors, or not, and plans."""
 
 from dataclasses import replace
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from shoot.simulation.observation import Observation
 from shoot.simulation.plan import Plan
@@ -11,6 +11,7 @@ from shoot.simulation.simulator import Simulator
 from shoot.world.town.town import Town
 
 
+@runtime_checkable
 class Driver(Protocol):
     """Plans, moment by moment."""
 
