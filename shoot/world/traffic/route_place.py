@@ -9,6 +9,9 @@ from shoot.world.traffic.bodies import EgoBody
 from shoot.world.traffic.driver import ROUTE_STEP_M, Route
 
 OFF_ROUTE_M, OFF_ROUTE_RAD = 2.0, np.pi / 3
+# Who left its route may come back to it so far on. Farther on it is the route of another time: in a
+# town's blocks most routes come by again.
+BACK_M, AHEAD_M = 30.0, 100.0
 
 
 @dataclass(frozen=True)
@@ -30,16 +33,20 @@ def find_place(route: Route, body: EgoBody, near_m: float) -> RoutePlace | None:
     """Where on its route a car is, or None if it has left it.
 
     It keeps to its route while its rear axle is within `OFF_ROUTE_M` of it and its heading within
-    `OFF_ROUTE_RAD` of the route's. A route may pass one place twice: then `near_m` decides.
+    `OFF_ROUTE_RAD` of the route's. A route may pass one place twice: then `near_m` decides. Its
+    last lanes, from where on there is no next intersection to ask for, do not count.
 
     Args:
         route: To be followed.
         body: Rear axle and heading, in the town's frame.
         near_m: Arc length where it was last.
     """
+    at_m = np.arange(len(route.xy_m)) * ROUTE_STEP_M
+    counts = (at_m > near_m - BACK_M) & (at_m < min(near_m + AHEAD_M, route.starts_m[-4]))
     away_m = np.hypot(*(route.xy_m - body.xy_m).T)
     away_rad = np.abs(wrap_angle(route.yaw_rad - body.yaw_rad))
-    near = np.flatnonzero((away_m < OFF_ROUTE_M + ROUTE_STEP_M) & (away_rad < OFF_ROUTE_RAD))
+    counts &= (away_m < OFF_ROUTE_M + ROUTE_STEP_M) & (away_rad < OFF_ROUTE_RAD)
+    near = np.flatnonzero(counts)
     if not len(near):
         return None
     passes = np.split(near, np.flatnonzero(np.diff(near) > 1) + 1)

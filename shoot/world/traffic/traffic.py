@@ -129,7 +129,7 @@ class Traffic:
             place, room_m = self._gate(car)
             if car.granted >= place:
                 continue
-            if room_m > car.speed_mps**2 / (2 * 0.8 * BRAKE_MPS2) + 8.0:
+            if not self._asks(car, room_m):
                 car.asked_s = np.inf
                 continue
             car.asked_s = min(car.asked_s, time_s)
@@ -144,7 +144,7 @@ class Traffic:
                 continue
             holds = self._holds.setdefault(path.intersection or 0, [])
             conflicts = self._rules[path.lane_id].conflicts
-            if self._is_taken(conflicts, holds):
+            if self._is_taken(car, conflicts, holds):
                 continue
             if not self._has_room_behind(car, place, holds):
                 continue
@@ -154,8 +154,12 @@ class Traffic:
             car.granted = place
             car.asked_s = np.inf
 
-    def _is_taken(self, conflicts: frozenset[int], holds: list[tuple[Car, int]]) -> bool:
-        """Whether somebody holds one of the paths of an intersection."""
+    def _asks(self, car: Car, room_m: float) -> bool:
+        """Whether a car is near enough to the line before its next path to ask for it."""
+        return room_m <= car.speed_mps**2 / (2 * 0.8 * BRAKE_MPS2) + 8.0
+
+    def _is_taken(self, car: Car, conflicts: frozenset[int], holds: list[tuple[Car, int]]) -> bool:
+        """Whether another than a car holds one of the paths that conflict with its own."""
         return any(other.route.lanes[at] in conflicts for other, at in holds)
 
     def _has_room_behind(self, car: Car, place: int, holds: list[tuple[Car, int]]) -> bool:
