@@ -78,10 +78,12 @@ class World:
     Attributes:
         town: Where.
         traffic: Everybody, now; not to be changed.
+        route_at_m: How far along `traffic.route` the ego is.
     """
 
     town: Town
     traffic: LiveTraffic
+    route_at_m: float
 
 
 @dataclass(frozen=True)

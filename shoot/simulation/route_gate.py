@@ -11,7 +11,6 @@ import shapely
 from jaxtyping import Bool, Float
 from scipy.special import logsumexp
 
-from lss_core.geometry import wrap_angle
 from shoot.footprint import turn
 from shoot.simulation.vehicle import VehicleState
 from shoot.world.town.town import Lane, Town
@@ -21,12 +20,14 @@ Array = np.ndarray[Any, np.dtype[Any]]
 
 # Further behind and ahead the route may cross its own way. 5 s at the fastest speed are 70 m.
 BEHIND_M, AHEAD_M = 10.0, 85.0
-# A heading off the route's by a radian counts as so far away from it.
-_METRES_PER_RAD = 10.0
 
 
 def on_route(
-    templates: Float[Array, "K T 2"], state: VehicleState, town: Town, route: Route
+    templates: Float[Array, "K T 2"],
+    state: VehicleState,
+    town: Town,
+    route: Route,
+    at_m: float,
 ) -> Bool[Array, " K"]:
     """Whether all points of a template lie on lanes of the route just ahead.
 
@@ -38,8 +39,9 @@ def on_route(
         state: Of the ego.
         town: Where.
         route: Its way.
+        at_m: How far along it the ego is.
     """
-    area = _area(town, _lanes_ahead(state, town, route))
+    area = _area(town, _lanes_ahead(town, route, at_m))
     points_m = turn(templates.astype(np.float64), np.asarray(state.yaw_rad))
     points_m = points_m + np.array([state.x_m, state.y_m])
     inside = shapely.contains_xy(area, points_m[..., 0], points_m[..., 1])
@@ -65,11 +67,8 @@ def pass_gate(
     return renormalised
 
 
-def _lanes_ahead(state: VehicleState, town: Town, route: Route) -> set[int]:
+def _lanes_ahead(town: Town, route: Route, at_m: float) -> set[int]:
     """Lanes and paths of the route near the ego, with neighbours."""
-    away_m = np.hypot(route.xy_m[:, 0] - state.x_m, route.xy_m[:, 1] - state.y_m)
-    turned = np.abs(wrap_angle(route.yaw_rad - state.yaw_rad))
-    at_m = float(np.argmin(away_m + _METRES_PER_RAD * turned)) * 0.5
     starts_m = np.array(route.starts_m)
     is_near = (starts_m[1:] > at_m - BEHIND_M) & (starts_m[:-1] < at_m + AHEAD_M)
     places = np.flatnonzero(is_near)

@@ -5,6 +5,7 @@ import numpy as np
 from shoot.footprint import turn
 from shoot.simulation.observation import Observation, Sights, World
 from shoot.simulation.plan import Plan
+from shoot.simulation.progress import first_place, next_place
 from shoot.simulation.reference import fit_reference
 from shoot.simulation.route_log import Diary, Mode, RouteLog
 from shoot.simulation.senses import Senses, SensorSettings
@@ -72,6 +73,7 @@ class Simulator:
         self._diary = Diary(self.town.seed, self.seed, self.mode, traffic.cast, traffic.route.lanes)
         self._step = 0
         self._state = _state_after(traffic.ego, traffic.ego)
+        self._route_at_m = first_place(traffic.route, self._state)
         self._note()
         for _ in range(round(WARM_UP_S / PHYSICS_S)):
             before = traffic.ego
@@ -104,6 +106,7 @@ class Simulator:
 
     def _move_to(self, state: VehicleState) -> None:
         self._state = state
+        self._route_at_m = next_place(self._traffic.route, state, self._route_at_m)
         self._step += 1
         self._note()
 
@@ -118,7 +121,7 @@ class Simulator:
             state=self._state,
             past_m=_past(log),
             sights=self._look(log),
-            world=World(self.town, self._traffic),
+            world=World(self.town, self._traffic, self._route_at_m),
         )
 
     def _look(self, log: RouteLog) -> Sights:

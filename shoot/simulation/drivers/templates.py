@@ -59,7 +59,8 @@ class TemplateDriver(ABC):
         is_gate_void = False
         if self._has_gate:
             world = observation.world
-            stays = on_route(self._points_m, observation.state, world.town, world.traffic.route)
+            route = world.traffic.route
+            stays = on_route(self._points_m, observation.state, world.town, route, world.route_at_m)
             gated = pass_gate(log_prob, stays)
             is_gate_void = gated is None
             log_prob = log_prob if gated is None else gated
