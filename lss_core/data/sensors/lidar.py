@@ -100,7 +100,9 @@ def load_scans(
     return np.concatenate(scans)
 
 
-def place_scan(points_lidar: Points, ego_from_lidar: FloatArray, age_s: float) -> Points:
+def place_scan(
+    points_lidar: Points, ego_from_lidar: FloatArray, age_s: float
+) -> Float[np.ndarray[Any, np.dtype[np.float32]], "Q 5"]:
     """Points of one sweep as a planner reads them, without those of the car itself.
 
     Args:
