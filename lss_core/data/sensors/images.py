@@ -180,6 +180,23 @@ def load_image(path: Path, pixel_map: PixelMap) -> NDArray[np.uint8]:
         raise DataError(
             f"The image '{path}' is {image.size[0]}x{image.size[1]} px, expected {raw_w}x{raw_h}."
         )
+    try:
+        return fit_image(image, pixel_map)
+    except DAMAGE as error:
+        raise DataError(f"The image '{path}' is damaged: {error}.") from error
+
+
+def fit_image(image: Image.Image, pixel_map: PixelMap) -> NDArray[np.uint8]:
+    """[H, W, 3] RGB of an opened image after the pixel map.
+
+    Args:
+        image: Of the size that the map was made for, not yet decoded.
+        pixel_map: What is done to it.
+
+    Raises:
+        OSError: If it is truncated; other damage may raise what Pillow raises.
+    """
+    raw_h, raw_w = pixel_map.raw_hw
     resized_h, resized_w = pixel_map.resized_hw
     image.draft("RGB", (resized_w, resized_h))
     reduced = round(raw_w / image.size[0])  # a JPEG decodes at 1/1, 1/2, 1/4 or 1/8
@@ -192,11 +209,8 @@ def load_image(path: Path, pixel_map: PixelMap) -> NDArray[np.uint8]:
         kept[2] / resized_w * across,
         kept[3] / resized_h * down,
     )
-    try:
-        image = image if image.mode == "RGB" else image.convert("RGB")
-        image = image.resize((kept[2] - kept[0], kept[3] - kept[1]), _FILTER, box=box)
-    except DAMAGE as error:
-        raise DataError(f"The image '{path}' is damaged: {error}.") from error
+    image = image if image.mode == "RGB" else image.convert("RGB")
+    image = image.resize((kept[2] - kept[0], kept[3] - kept[1]), _FILTER, box=box)
     height, width = pixel_map.image_hw
     left, top = pixel_map.left_px - kept[0], pixel_map.top_px - kept[1]
     if (left, top, width, height) != (0, 0, *image.size):  # pads

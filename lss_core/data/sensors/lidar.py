@@ -23,6 +23,8 @@ from lss_core.legible import legible
 
 logger = logging.getLogger(__name__)
 
+Points = Float[np.ndarray[Any, np.dtype[np.float32]], "P 5"]
+
 _BRIGHTEST = 255.0
 # Nearer returns, measured over ground from the lidar, are from the car that carries it.
 _OWN_CAR_M = 2.2
@@ -91,15 +93,33 @@ def load_scans(
     scans = []
     for sweep in recent_sweeps(index, row, num_scans):
         values = _with_intensity(_read(root / index.sweep_path[sweep].decode(), others), root)
-        values = values[np.hypot(values[:, 0], values[:, 1]) >= _OWN_CAR_M]
         ego_from_lidar = ego_from_global @ index.global_from_track[sweep]
-        ego_from_lidar = (ego_from_lidar @ index.ego_from_lidar[row]).astype(np.float32)
-        scan = np.empty_like(values)
-        scan[:, :3] = values[:, :3] @ ego_from_lidar[:3, :3].T + ego_from_lidar[:3, 3]
-        scan[:, 3] = values[:, 3]
-        scan[:, 4] = index.time_s[row] - index.track_time_s[sweep]
-        scans.append(scan)
+        ego_from_lidar = ego_from_lidar @ index.ego_from_lidar[row]
+        age_s = float(index.time_s[row] - index.track_time_s[sweep])
+        scans.append(place_scan(values, ego_from_lidar, age_s))
     return np.concatenate(scans)
+
+
+def place_scan(
+    points_lidar: Points, ego_from_lidar: FloatArray, age_s: float
+) -> Float[np.ndarray[Any, np.dtype[np.float32]], "Q 5"]:
+    """Points of one sweep as a planner reads them, without those of the car itself.
+
+    Args:
+        points_lidar: x, y, z in metres in `lidar`, intensity 0 to 255, ring.
+        ego_from_lidar: [4, 4] the lidar's pose at the sweep, in `ego` of now.
+        age_s: How long ago that was.
+
+    Returns:
+        x, y, z in metres in `ego`, intensity, age in seconds.
+    """
+    values = points_lidar[np.hypot(points_lidar[:, 0], points_lidar[:, 1]) >= _OWN_CAR_M]
+    single = ego_from_lidar.astype(np.float32)
+    scan = np.empty_like(values)
+    scan[:, :3] = values[:, :3] @ single[:3, :3].T + single[:3, 3]
+    scan[:, 3] = values[:, 3]
+    scan[:, 4] = age_s
+    return scan
 
 
 def check_file(path: Path, others: SceneSweeps) -> None:

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from shoot.world.town.curves import arc_lengths, cut
 from shoot.world.town.town import FloatArray, Town
-from shoot.world.traffic.cars import Car
+from shoot.world.traffic.cars import Car, lights_brakes
 from shoot.world.traffic.driver import follow_lanes
 from shoot.world.traffic.junctions import SignalPlan
-from shoot.world.traffic.scenario import BURN_IN_S, BURN_IN_STEPS, simulate
+from shoot.world.traffic.scenario import BURN_IN_S, BURN_IN_STEPS, scenario_rng, simulate
 from shoot.world.traffic.traffic import STEP_S, Traffic
 from shoot.world.traffic.walkers import Pavements, Walker
 
@@ -92,7 +92,7 @@ def find_approaches(
         ValueError: If no car of this town and seed drove so: another version made the scene.
     """
     duration_s = float(times_s[-1])
-    plan, cars, walkers = simulate(town, np.random.default_rng([seed, 0x71]), duration_s)
+    plan, cars, walkers = simulate(town, scenario_rng(seed), duration_s)
     ego = _find_ego(cars, times_s, ego_xy_m)
     places = np.array([row[3] for row in cars[ego].trace])[BURN_IN_STEPS:]
     route = cars[ego].route.lanes
@@ -201,7 +201,8 @@ class _Replay:
                 continue
             new_rows, old_rows = np.array(car.trace), np.array(old.trace[:steps])
             changed = np.abs(new_rows[:, 0] - old_rows[:, 0]) > OTHERS_PART_M
-            changed |= _brakes(new_rows) != _brakes(old_rows)
+            brakes, braked = (lights_brakes(*rows[:, 1:3].T) for rows in (new_rows, old_rows))
+            changed |= brakes != braked
             if changed.any():
                 away_m = np.hypot(*(self._positions(old, steps) - ego_m).T)
                 differs |= changed & (away_m < NEAR_M)
@@ -215,12 +216,6 @@ class _Replay:
 
     def _positions(self, car: Car, steps: int) -> FloatArray:
         return car.route.pose(np.array([row[0] for row in car.trace[:steps]]))[0]
-
-
-def _brakes(rows: FloatArray) -> Brakes:
-    """[steps] whether brake lights are lit, from [steps, 4] rows of a car's trace."""
-    speed_mps, accel_mps2 = rows[:, 1], rows[:, 2]
-    return np.asarray((accel_mps2 < -0.7) | ((speed_mps < 0.3) & (accel_mps2 < 0.3)))
 
 
 def _first(differs: Brakes, steps: int, never: int) -> int:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shoot.footprint import EGO_LENGTH_M, EGO_REAR_M, EGO_WIDTH_M
 from shoot.world.town.curves import arc_lengths
@@ -44,6 +45,17 @@ class Car:
 
     def __post_init__(self) -> None:
         self.front_m = float(self.size_m[0]) - self.rear_m
+
+    def box(self, at_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """([T, 2] centres of its box, [T] headings) at [T] arc lengths, in the town's frame."""
+        axle_m, yaw_rad = self.route.pose(at_m)
+        ahead = np.stack([np.cos(yaw_rad), np.sin(yaw_rad)], axis=1)
+        return axle_m + ahead * (self.size_m[0] / 2 - self.rear_m), yaw_rad
+
+
+def lights_brakes(speed_mps: FloatArray, accel_mps2: FloatArray) -> NDArray[np.bool_]:
+    """[T] whether brake lights are lit: cars that brake, and those that stand in traffic."""
+    return np.asarray((accel_mps2 < -0.7) | ((speed_mps < 0.3) & (accel_mps2 < 0.3)))
 
 
 def place_cars(town: Town, wanted: int, route_m: float, rng: np.random.Generator) -> list[Car]:

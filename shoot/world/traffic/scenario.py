@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from lss_core.geometry import direction_of
 from shoot.world.town.town import FloatArray, Town
-from shoot.world.traffic.cars import Car, place_cars
+from shoot.world.traffic.cars import Car, lights_brakes, place_cars
 from shoot.world.traffic.junctions import SignalPlan, plan_signals
 from shoot.world.traffic.recording import AGENT_SIGHT_M, Agent, Look, Recording
 from shoot.world.traffic.traffic import STEP_S, Traffic
@@ -30,10 +29,9 @@ def make_scenario(town: Town, seed: int, duration_s: float = 20.0) -> Recording:
         seed: Any non-negative integer; the same gives the same recording.
         duration_s: Length of the recording.
     """
-    rng = np.random.default_rng([seed, 0x71])
+    rng = scenario_rng(seed)
     plan, cars, walkers = simulate(town, rng, duration_s)
-    candidates = [car for car in cars if not car.is_truck]
-    ego = candidates[int(rng.integers(len(candidates)))]
+    ego = choose_ego(cars, rng)
     times_s = np.arange(round(duration_s / DT_S) + 1) * DT_S
     at_m, speed_mps, _ = _trace(ego, BURN_IN_STEPS, times_s)
     ego_xy_m, ego_yaw_rad = ego.route.pose(at_m)
@@ -65,15 +63,43 @@ def simulate(
     Returns:
         The lights' plan, all cars and all walkers with their traces, one entry per `STEP_S`.
     """
+    plan, cars, walkers = populate(town, rng, duration_s)
+    traffic = Traffic(town, plan, Pavements(town, plan, walkers), cars)
+    for step in range(BURN_IN_STEPS + round(duration_s / STEP_S) + 1):
+        traffic.step(-BURN_IN_S + step * STEP_S)
+    return plan, cars, walkers
+
+
+def populate(
+    town: Town, rng: np.random.Generator, duration_s: float
+) -> tuple[SignalPlan, list[Car], list[Walker]]:
+    """Fill a town with traffic, as it is at `-BURN_IN_S`.
+
+    Args:
+        town: Where.
+        rng: Source of chance.
+        duration_s: How long after the burn-in routes and people are to last.
+
+    Returns:
+        The lights' plan, all cars and all walkers.
+    """
     plan = plan_signals(town, rng)
     start_s, end_s = -BURN_IN_S, duration_s + STEP_S
     walkers = send_walkers(town, plan, start_s, end_s, rng)
     route_m = (end_s - start_s) * MAX_SPEED_MPS + ROUTE_TO_SPARE_M
     cars = place_cars(town, int(rng.integers(*NUM_CARS)), route_m, rng)
-    traffic = Traffic(town, plan, Pavements(town, plan, walkers), cars)
-    for step in range(BURN_IN_STEPS + round(duration_s / STEP_S) + 1):
-        traffic.step(start_s + step * STEP_S)
     return plan, cars, walkers
+
+
+def scenario_rng(seed: int) -> np.random.Generator:
+    """The chance that all of a scene's traffic comes from, in its order."""
+    return np.random.default_rng([seed, 0x71])
+
+
+def choose_ego(cars: list[Car], rng: np.random.Generator) -> Car:
+    """Any car that is not a truck, all equally likely."""
+    candidates = [car for car in cars if not car.is_truck]
+    return candidates[int(rng.integers(len(candidates)))]
 
 
 def make_look(seed: int) -> Look:
@@ -135,16 +161,15 @@ def _trace(car: Car, first: int, times_s: FloatArray) -> tuple[FloatArray, Float
 
 def _car_agent(car: Car, first: int, times_s: FloatArray) -> Agent:
     at_m, speed_mps, accel_mps2 = _trace(car, first, times_s)
-    axle_m, yaw_rad = car.route.pose(at_m)
-    ahead = np.stack([np.cos(yaw_rad), np.sin(yaw_rad)], axis=1)
+    xy_m, yaw_rad = car.box(at_m)
     return Agent(
         kind="truck" if car.is_truck else "car",
         size_m=car.size_m,
         style=car.style,
-        xy_m=axle_m + ahead * (car.size_m[0] / 2 - car.rear_m),
+        xy_m=xy_m,
         yaw_rad=yaw_rad,
         speed_mps=speed_mps,
-        is_braking=(accel_mps2 < -0.7) | ((speed_mps < 0.3) & (accel_mps2 < 0.3)),
+        is_braking=lights_brakes(speed_mps, accel_mps2),
         is_present=np.ones(len(times_s), dtype=np.bool_),
     )
 
@@ -152,16 +177,13 @@ def _car_agent(car: Car, first: int, times_s: FloatArray) -> Agent:
 def _walker_agent(walker: Walker, first: int, times_s: FloatArray) -> Agent:
     trace_m = np.array(walker.trace_m[first:])
     at_m = np.interp(times_s, np.arange(len(trace_m)) * STEP_S, trace_m)
-    s_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(walker.path_m, axis=0).T))])
-    xy_m = np.stack([np.interp(at_m, s_m, walker.path_m[:, i]) for i in (0, 1)], axis=1)
-    side = np.clip(np.searchsorted(s_m, at_m, side="right") - 1, 0, len(s_m) - 2)
-    heading = np.diff(walker.path_m, axis=0)[side]
+    xy_m, yaw_rad = walker.pose(at_m)
     return Agent(
         kind="pedestrian",
-        size_m=np.array([0.6, 0.6, walker.height_m]),
+        size_m=walker.size_m(),
         style=walker.style,
         xy_m=xy_m,
-        yaw_rad=direction_of(heading),
+        yaw_rad=yaw_rad,
         speed_mps=np.gradient(at_m, DT_S),
         is_braking=np.zeros(len(times_s), dtype=np.bool_),
         is_present=np.ones(len(times_s), dtype=np.bool_),

@@ -66,6 +66,15 @@ class Traffic:
 
     def step(self, time_s: float) -> None:
         """Let everybody act once and move on by `STEP_S`."""
+        self.decide(time_s)
+        self.advance()
+
+    def decide(self, time_s: float) -> None:
+        """Let everybody choose what to do until `STEP_S` later; people on foot are there at once.
+
+        Args:
+            time_s: Now.
+        """
         self._on_lane = {}
         for car in self.cars:
             while car.at_m >= car.route.starts_m[car.place + 1]:
@@ -77,6 +86,9 @@ class Traffic:
         self._grant(time_s, states)
         for car in self.cars:
             car.accel_mps2 = self._decide(car)
+
+    def advance(self) -> None:
+        """Move all cars on by `STEP_S`, as they have decided."""
         for car in self.cars:
             before = car.speed_mps
             after = max(0.0, before + car.accel_mps2 * STEP_S)
@@ -117,7 +129,7 @@ class Traffic:
             place, room_m = self._gate(car)
             if car.granted >= place:
                 continue
-            if room_m > car.speed_mps**2 / (2 * 0.8 * BRAKE_MPS2) + 8.0:
+            if not self._asks(car, room_m):
                 car.asked_s = np.inf
                 continue
             car.asked_s = min(car.asked_s, time_s)
@@ -132,7 +144,7 @@ class Traffic:
                 continue
             holds = self._holds.setdefault(path.intersection or 0, [])
             conflicts = self._rules[path.lane_id].conflicts
-            if any(other.route.lanes[at] in conflicts for other, at in holds):
+            if self._is_taken(car, conflicts, holds):
                 continue
             if not self._has_room_behind(car, place, holds):
                 continue
@@ -141,6 +153,14 @@ class Traffic:
             holds.append((car, place))
             car.granted = place
             car.asked_s = np.inf
+
+    def _asks(self, car: Car, room_m: float) -> bool:
+        """Whether a car is near enough to the line before its next path to ask for it."""
+        return room_m <= car.speed_mps**2 / (2 * 0.8 * BRAKE_MPS2) + 8.0
+
+    def _is_taken(self, car: Car, conflicts: frozenset[int], holds: list[tuple[Car, int]]) -> bool:
+        """Whether another than a car holds one of the paths that conflict with its own."""
+        return any(other.route.lanes[at] in conflicts for other, at in holds)
 
     def _has_room_behind(self, car: Car, place: int, holds: list[tuple[Car, int]]) -> bool:
         """Whether all who are or will be on the lane behind the intersection could queue there."""
@@ -211,13 +231,13 @@ class Traffic:
             standing = speed < 0.1 and room_m > -CROSSWALK_ROOM_M + 0.1
             if (can_stop(speed, room_m, 3.2) or standing) and self._pavements.is_blocked(lane, c):
                 accel = min(accel, stop_accel(speed, room_m))
-        for gap_m, lead in self._leads(car):
-            accel = min(accel, follow_accel(speed, gap_m, lead.speed_mps))
+        for gap_m, lead_mps in self._leads(car):
+            accel = min(accel, follow_accel(speed, gap_m, lead_mps))
         return max(accel, -7.0)
 
-    def _leads(self, car: Car) -> list[tuple[float, Car]]:
-        """The car ahead on its own route, and those about to part from it: (gap, car)."""
-        found: list[tuple[float, Car]] = []
+    def _leads(self, car: Car) -> list[tuple[float, float]]:
+        """The car ahead on its own route, and those about to part from it: (gap, speed)."""
+        found: list[tuple[float, float]] = []
         lanes, starts_m = car.route.lanes, car.route.starts_m
         for place in range(car.place, len(lanes)):
             if starts_m[place] - car.at_m > SIGHT_M:
@@ -229,7 +249,8 @@ class Traffic:
                         local_m = self._local_m(other)
                         ahead_m = starts_m[place] + local_m - car.at_m
                         if ahead_m > 0.0 and local_m - other.rear_m < part_m:
-                            found.append((ahead_m - car.front_m - other.rear_m, other))
+                            gap_m = ahead_m - car.front_m - other.rear_m
+                            found.append((gap_m, other.speed_mps))
             ahead = [
                 (starts_m[place] + self._local_m(other) - car.at_m, other)
                 for other in self._on_lane.get(lanes[place], ())
@@ -237,6 +258,7 @@ class Traffic:
             ]
             nearest = min((a for a in ahead if a[0] > 0.0), default=None, key=lambda a: a[0])
             if nearest is not None:
-                found.append((nearest[0] - car.front_m - nearest[1].rear_m, nearest[1]))
+                gap_m = nearest[0] - car.front_m - nearest[1].rear_m
+                found.append((gap_m, nearest[1].speed_mps))
                 break
         return found

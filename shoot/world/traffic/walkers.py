@@ -1,15 +1,20 @@
 """People on foot: some cross at crosswalks when they may, some stroll along the pavement."""
 
+from copy import copy
 from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
 
+from lss_core.geometry import direction_of
 from shoot.world.town.curves import arc_lengths, point_at
 from shoot.world.town.town import FloatArray, Town
+from shoot.world.traffic.bodies import EgoBody
 from shoot.world.traffic.junctions import AMBER_S, SignalPlan
+from shoot.world.traffic.obstacle import bars_way
 from shoot.world.traffic.recording import RED
 
+WALKER_M = 0.6
 KERB_ROOM_M = 0.6
 PAVEMENT_EDGE_M = 0.35
 # Who is that near to the kerb and may walk is about to: drivers give way.
@@ -19,6 +24,8 @@ CLEAR_OF_LANE_M = 1.7
 CROSSINGS_MIDWAY, CROSSINGS_UNSIGNALLED, CROSSINGS_PER_RED = 1.7, 0.9, 0.45
 # Only so long after a road's lights turn red may one set out to cross it.
 WALK_S = 6.0
+# From farther off nobody looks out for the ego: it could not be there within some seconds.
+EGO_MATTERS_M = 50.0
 
 
 @dataclass(eq=False)
@@ -54,6 +61,17 @@ class Walker:
 
     def __post_init__(self) -> None:
         self.length_m = float(arc_lengths(self.path_m)[-1])
+
+    def size_m(self) -> FloatArray:
+        """[3] length, width, height of the box."""
+        return np.array([WALKER_M, WALKER_M, self.height_m])
+
+    def pose(self, at_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """([T, 2] points, [T] headings) at [T] arc lengths, in the town's frame."""
+        s_m = arc_lengths(self.path_m)
+        xy_m = np.stack([np.interp(at_m, s_m, self.path_m[:, i]) for i in (0, 1)], axis=1)
+        side = np.clip(np.searchsorted(s_m, at_m, side="right") - 1, 0, len(s_m) - 2)
+        return xy_m, direction_of(np.diff(self.path_m, axis=0)[side])
 
 
 def crosswalk_signals(town: Town) -> dict[int, int]:
@@ -184,6 +202,24 @@ class Pavements:
                 point, _ = point_at(lane.centreline_m, at_m + 1.5)
                 self._lane_at[lane.lane_id, c] = float((point - start) @ across)
         self._may_walk: dict[int, bool] = {}
+        # Cars wait for people; an ego that goes where it wants may not: they look out for it.
+        self.ego: EgoBody | None = None
+
+    def copy(self) -> "Pavements":
+        """The same people once more, without their past."""
+        there = copy(self)
+        twin = {walker: copy(walker) for walker in self.walkers}
+        for walker in twin.values():
+            walker.trace_m = walker.trace_m[-1:]
+        there.walkers = list(twin.values())
+        there._by_crosswalk = {c: [twin[w] for w in on] for c, on in self._by_crosswalk.items()}
+        there._may_walk = dict(self._may_walk)
+        return there
+
+    def adopt(self, other: "Pavements") -> None:
+        """Put everybody to where they are in another run."""
+        for walker, theirs in zip(self.walkers, other.walkers, strict=True):
+            walker.at_m, walker.is_walking = theirs.at_m, theirs.is_walking
 
     def is_blocked(self, lane: int, crosswalk: int) -> bool:
         """Whether somebody on (or about to step onto) a crosswalk has yet to clear a lane."""
@@ -223,13 +259,24 @@ class Pavements:
                 continue
             own = walker.crosswalk
             waits_m = walker.kerb_m - KERB_ROOM_M
-            if own is not None and waits_m - 1e-6 <= walker.at_m < walker.kerb_m:
+            at_m = walker.at_m
+            if own is not None and waits_m - 1e-6 <= at_m < walker.kerb_m:
                 if not (self._may_walk[own] and is_safe.get(own, True)):
                     continue
-                walker.at_m = walker.kerb_m  # one lively first step, then no way back
-            ahead_m = walker.at_m + walker.speed_mps * dt_s
+                at_m = walker.kerb_m  # one lively first step, then no way back
+            ahead_m = at_m + walker.speed_mps * dt_s
             stop_m = walker.length_m
-            if own is not None and walker.at_m < waits_m - 1e-6:
+            if own is not None and at_m < waits_m - 1e-6:
                 stop_m = waits_m
+            to_m = min(ahead_m, stop_m)
+            if self.ego is not None and _is_barred(walker, to_m, self.ego):
+                continue
             walker.is_walking = True
-            walker.at_m = min(ahead_m, stop_m)
+            walker.at_m = to_m
+
+
+def _is_barred(walker: Walker, to_m: float, ego: EgoBody) -> bool:
+    if np.hypot(*(walker.path_m[0] - ego.xy_m)) > walker.length_m + EGO_MATTERS_M:
+        return False
+    (before_m, after_m), _ = walker.pose(np.array([walker.at_m, to_m]))
+    return bars_way(ego, before_m, after_m)
