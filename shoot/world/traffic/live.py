@@ -6,6 +6,7 @@ from typing import Literal
 
 import numpy as np
 
+from lss_core.geometry import direction_of
 from shoot.world.town.town import FloatArray, Town
 from shoot.world.traffic.bodies import Bodies, Cast, EgoBody, Kind
 from shoot.world.traffic.cars import Car, lights_brakes
@@ -152,8 +153,11 @@ def _bodies_of(cars: Sequence[Car], walkers: Sequence[Walker]) -> Bodies:
     xy_m, yaw_rad = np.zeros((num, 2)), np.zeros(num)
     for i, car in enumerate(cars):
         xy_m[i : i + 1], yaw_rad[i : i + 1] = car.box(np.array([car.at_m]))
-    for i, walker in enumerate(walkers, len(cars)):
-        xy_m[i : i + 1], yaw_rad[i : i + 1] = walker.pose(np.array(walker.trace_m[-1:]))
+    along_m = np.zeros((len(walkers), 2))
+    for i, walker in enumerate(walkers):
+        place_m, along_m[i : i + 1] = walker.points(np.array(walker.trace_m[-1:]))
+        xy_m[len(cars) + i] = place_m[0]
+    yaw_rad[len(cars) :] = direction_of(along_m)
     paces = [(walker.at_m - walker.trace_m[-1]) / STEP_S for walker in walkers]
     speed_mps = np.array([car.speed_mps for car in cars])
     is_braking = np.zeros(num, dtype=np.bool_)

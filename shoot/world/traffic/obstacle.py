@@ -50,9 +50,8 @@ def gap_ahead(ego: EgoBody, car: Car, sight_m: float) -> tuple[float, float] | N
     first = int(car.at_m / ROUTE_STEP_M)
     ahead = slice(first, first + int(sight_m / ROUTE_STEP_M) + 1)
     axle_m, yaw_rad = car.route.xy_m[ahead], car.route.yaw_rad[ahead]
-    centre_m = footprint_centres(ego.xy_m, np.asarray(ego.yaw_rad))
-    reach_m = float(car.size_m[0]) + EGO_LENGTH_M
-    near = np.flatnonzero(np.hypot(*(axle_m - centre_m).T) < reach_m)
+    reach_m = float(car.size_m[0]) + EGO_LENGTH_M + AIR_M
+    near = np.flatnonzero(np.hypot(*(axle_m - ego.xy_m).T) < reach_m)
     if not len(near):
         return None
     box_m, box_rad = car.box(np.array([car.at_m]))
@@ -103,7 +102,9 @@ def bars_way(ego: EgoBody, from_m: FloatArray, to_m: FloatArray) -> bool:
         from_m: [2] where the step begins, in the town's frame.
         to_m: [2] where it ends.
     """
-    before, after = turn(np.stack([from_m, to_m]) - ego.xy_m, np.full(2, -ego.yaw_rad)).tolist()
+    cos, sin = math.cos(ego.yaw_rad), math.sin(ego.yaw_rad)
+    ego_axes = np.array([[cos, -sin], [sin, cos]])
+    before, after = ((np.stack([from_m, to_m]) - ego.xy_m) @ ego_axes).tolist()
     half_m = EGO_WIDTH_M / 2 + WALKER_ROOM_M
     if abs(after[1]) >= half_m or after[0] < -EGO_REAR_M - WALKER_ROOM_M:
         return False

@@ -68,10 +68,15 @@ class Walker:
 
     def pose(self, at_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """([T, 2] points, [T] headings) at [T] arc lengths, in the town's frame."""
+        xy_m, along_m = self.points(at_m)
+        return xy_m, direction_of(along_m)
+
+    def points(self, at_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """([T, 2] points, [T, 2] the sides of the path that they lie on) at [T] arc lengths."""
         s_m = arc_lengths(self.path_m)
         xy_m = np.stack([np.interp(at_m, s_m, self.path_m[:, i]) for i in (0, 1)], axis=1)
         side = np.clip(np.searchsorted(s_m, at_m, side="right") - 1, 0, len(s_m) - 2)
-        return xy_m, direction_of(np.diff(self.path_m, axis=0)[side])
+        return xy_m, np.diff(self.path_m, axis=0)[side]
 
 
 def crosswalk_signals(town: Town) -> dict[int, int]:
@@ -278,5 +283,5 @@ class Pavements:
 def _is_barred(walker: Walker, to_m: float, ego: EgoBody) -> bool:
     if np.hypot(*(walker.path_m[0] - ego.xy_m)) > walker.length_m + EGO_MATTERS_M:
         return False
-    (before_m, after_m), _ = walker.pose(np.array([walker.at_m, to_m]))
+    (before_m, after_m), _ = walker.points(np.array([walker.at_m, to_m]))
     return bars_way(ego, before_m, after_m)

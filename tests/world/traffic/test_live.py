@@ -11,7 +11,7 @@ from shoot.world.traffic.recording import Recording
 from shoot.world.traffic.scenario import make_scenario
 from shoot.world.traffic.traffic import STEP_S
 
-DURATION_S = 12.0
+DURATION_S = 8.0
 NUM_STEPS = round(DURATION_S / STEP_S)
 SEEDS = (1, 4)
 MODES: tuple[Mode, ...] = get_args(Mode)
@@ -91,10 +91,10 @@ def test_in_the_recordings_state_the_ego_foresees_the_recording(
 ) -> None:
     for seed, recording in recordings.items():
         live = stage(town, seed, DURATION_S, mode)
-        for _ in range(35):
+        for _ in range(25):
             live.step(None)
         xy_m, yaw_rad, speed_mps = live.foresee(5.0)
-        bodies = [_body(recording, 35 + step) for step in range(1, 51)]
+        bodies = [_body(recording, 25 + step) for step in range(1, 51)]
         np.testing.assert_allclose(xy_m, [body.xy_m for body in bodies], atol=1e-9)
         np.testing.assert_allclose(yaw_rad, [body.yaw_rad for body in bodies], atol=1e-9)
         np.testing.assert_allclose(speed_mps, [body.speed_mps for body in bodies], atol=1e-9)
