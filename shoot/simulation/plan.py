@@ -7,8 +7,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lss_core.geometry import FloatArray
+from lss_core.grid import BevGrid
 
 Log = NDArray[np.floating[Any]]
+
+
+@dataclass(frozen=True)
+class CostMap:
+    """What a planner thinks of the ground around it; pictures show it.
+
+    Attributes:
+        cost: [X, Y] cells in `ego` at the time of planning; of a cost for each time their mean.
+        grid: Where they lie.
+    """
+
+    cost: NDArray[np.floating[Any]]
+    grid: BevGrid
 
 
 @dataclass(frozen=True)
@@ -22,6 +36,8 @@ class Plan:
         log_prob: [K] of all templates, in nats, as the driver weighed them in the end; -inf where
             the route masks one.
         is_gate_void: Whether no template stayed on the route, so that the gate masked none.
+        templates_m: [K, T, 2] what `log_prob` is over.
+        cost_map: What the templates were weighed by, if by that.
 
     Raises:
         ValueError: If the points are no finite [T, 2] with T of 1 at least.
@@ -32,6 +48,8 @@ class Plan:
     template_idx: int | None = None
     log_prob: Log | None = None
     is_gate_void: bool = False
+    templates_m: FloatArray | None = None
+    cost_map: CostMap | None = None
 
     def __post_init__(self) -> None:
         shape = self.points_m.shape

@@ -1,5 +1,6 @@
 """What all drivers are: something that reads sensors, or not, and plans."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Protocol, runtime_checkable
 
@@ -32,7 +33,13 @@ class Driver(Protocol):
 
 
 def drive(
-    driver: Driver, town: Town, seed: int, mode: Mode, car: SensorSettings, duration_s: float = 20.0
+    driver: Driver,
+    town: Town,
+    seed: int,
+    mode: Mode,
+    car: SensorSettings,
+    duration_s: float = 20.0,
+    watch: Callable[[Observation, Plan], None] | None = None,
 ) -> RouteLog:
     """Let a driver drive one route to its end.
 
@@ -43,10 +50,14 @@ def drive(
         mode: Whether traffic answers, see `Simulator`.
         car: What it carries; what of it is read, the driver says.
         duration_s: Length of the route.
+        watch: Told of each planning: what was seen and what was planned.
     """
     read = replace(car, cameras=driver.cameras, num_scans=driver.num_scans)
     simulator = Simulator(town, seed, mode, read, duration_s)
     observation = simulator.reset()
     while not simulator.is_over:
-        observation = simulator.step(driver.plan(observation))
+        plan = driver.plan(observation)
+        if watch is not None:
+            watch(observation, plan)
+        observation = simulator.step(plan)
     return simulator.log()

@@ -14,7 +14,7 @@ from shoot.simulation.drivers.choice import Choose, least_far, mean_distances, m
 from shoot.simulation.drivers.seen import read_sights
 from shoot.simulation.drivers.simple import foreseen_points
 from shoot.simulation.observation import Observation
-from shoot.simulation.plan import Plan
+from shoot.simulation.plan import CostMap, Plan
 from shoot.simulation.route_gate import on_route, pass_gate
 from shoot.templates import TemplateSet
 from shoot.training.planning.motion import TrainingMotion
@@ -53,9 +53,13 @@ class TemplateDriver(ABC):
     def log_prob(self, observation: Observation) -> Array:
         """[K] log-probabilities in nats, before the gate."""
 
+    def weigh(self, observation: Observation) -> tuple[Array, CostMap | None]:
+        """The same, and the map that it comes from, if from one."""
+        return self.log_prob(observation), None
+
     def plan(self, observation: Observation) -> Plan:
         """The template chosen."""
-        log_prob = self.log_prob(observation)
+        log_prob, cost_map = self.weigh(observation)
         is_gate_void = False
         if self._has_gate:
             world = observation.world
@@ -68,7 +72,10 @@ class TemplateDriver(ABC):
             chosen = most_probable(log_prob)
         else:
             chosen = least_far(log_prob, self._distance_m)
-        return Plan(self._points_m[chosen], self._dt_s, chosen, log_prob, is_gate_void)
+        points_m = self._points_m
+        return Plan(
+            points_m[chosen], self._dt_s, chosen, log_prob, is_gate_void, points_m, cost_map
+        )
 
 
 class RunDriver(TemplateDriver):
@@ -85,19 +92,29 @@ class RunDriver(TemplateDriver):
         self.cameras = () if data.lidar_scans else data.cameras
         self.num_scans = data.lidar_scans
 
-    @torch.no_grad()
     def log_prob(self, observation: Observation) -> Array:
         """What the network says.
 
         Raises:
             DataError: If it says no finite numbers.
         """
+        return self.weigh(observation)[0]
+
+    @torch.no_grad()
+    def weigh(self, observation: Observation) -> tuple[Array, CostMap | None]:
+        """What the network says, and its cost map.
+
+        Raises:
+            DataError: If it says no finite numbers.
+        """
         sample = read_sights(observation.sights, self._run.config.data)
-        scores = self._run.module(collate([sample]).to(self._run.device))
+        cost_maps = self._run.module.cost_maps(collate([sample]).to(self._run.device))
+        scores = self._run.module.outputs(cost_maps)
         log_prob: Array = scores[0].float().log_softmax(dim=-1).cpu().numpy()
         if not np.isfinite(log_prob).all():
             raise DataError(f"The planner in '{self._run.folder.folder}' gives no finite scores.")
-        return log_prob
+        cost = cost_maps[0].float().mean(dim=0).cpu().numpy()
+        return log_prob, CostMap(cost, self._run.config.model.grid)
 
 
 class PriorDriver(TemplateDriver):

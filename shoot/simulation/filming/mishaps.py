@@ -1,0 +1,95 @@
+"""What went wrong on a drive and when, in words: from the same arrays that the score reads."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lss_core.geometry import FloatArray
+from shoot.metrics.driving_score.collisions import Contact, find_contacts
+from shoot.metrics.driving_score.facts import is_stuck
+from shoot.metrics.driving_score.lights import red_touches
+from shoot.metrics.driving_score.road import is_against, moves
+from shoot.metrics.driving_score.surroundings import Surroundings, locate
+from shoot.metrics.driving_score.time_to_collision import near_collisions
+from shoot.metrics.driving_score.tracks import Others, Track
+
+# What stops for a shorter time than this has not stopped.
+_PAUSE_S = 1.0
+# Told of once it is so long, or so far.
+_STUCK_S, _AGAINST_M = 2.0, 2.0
+
+_BLAMELESS = {
+    "before the start": "from the start",
+    "ego stands": "while standing",
+    "from behind": "from behind",
+    "side": "at its side",
+}
+_KINDS = {"object": "a thing", "pedestrian": "a pedestrian"}
+
+
+@dataclass(frozen=True)
+class Mishap:
+    """Something that went wrong.
+
+    Attributes:
+        time_s: When it began, since the route began.
+        words: What, beginning with a verb.
+        xy_m: [2] where the middle of the ego then was, in the town's frame.
+    """
+
+    time_s: float
+    words: str
+    xy_m: FloatArray
+
+
+def find_mishaps(
+    ego: Track, others: Others, around: Surroundings, start_s: float = 0.0
+) -> tuple[Mishap, ...]:
+    """What went wrong, in the order of time; each stretch of it is told once, where it begins.
+
+    Args:
+        ego: What was driven.
+        others: At the same steps, or more.
+        around: Where.
+        start_s: Time of the route at the ego's first step.
+    """
+    where = locate(ego, around)
+    against_m = np.cumsum(moves(ego) * is_against(ego, around, where))
+    told = [(c.step, _of_contact(c)) for c in find_contacts(ego, others, where)]
+    stretches = {
+        "leaves the road": where.off_road_m > 0.0,
+        "runs a red light": red_touches(ego, around, where).any(axis=0),
+        "is about to hit somebody": near_collisions(ego, others, where),
+    }
+    for words, is_so in stretches.items():
+        told += [(begin, words) for begin, _ in _stretches(is_so, ego.steps_in(_PAUSE_S))]
+    for begin, end in _stretches(is_against(ego, around, where), ego.steps_in(_PAUSE_S)):
+        far = np.flatnonzero(against_m[begin:end] - against_m[begin] >= _AGAINST_M)
+        told += [(begin + int(step), "strays from the lanes of its route") for step in far[:1]]
+    for begin, end in _stretches(is_stuck(ego, others, around), 1):
+        if end - begin >= ego.steps_in(_STUCK_S):
+            told.append((begin + ego.steps_in(_STUCK_S), "stands, and nothing shows why"))
+    return tuple(
+        Mishap(round(start_s + step * ego.dt_s, 6), words, ego.centre_m[min(step, len(ego) - 1)])
+        for step, words in sorted(told, key=lambda of: of[0])
+    )
+
+
+def _of_contact(contact: Contact) -> str:
+    whom = _KINDS.get(contact.kind, f"a {contact.kind}")
+    if contact.is_at_fault:
+        how = {"front": "", "side": " with its side", "other stands": " that stands"}
+        return f"hits {whom}{how.get(contact.cause, '')}, at fault"
+    return f"is touched by {whom} {_BLAMELESS.get(contact.cause, '')}, not at fault"
+
+
+def _stretches(is_so: NDArray[np.bool_], pause: int) -> list[tuple[int, int]]:
+    """Begins and ends of what is so, shorter pauses than `pause` steps left out."""
+    steps = np.flatnonzero(is_so)
+    if not len(steps):
+        return []
+    breaks = np.flatnonzero(np.diff(steps) > max(pause, 1))
+    begins = steps[np.concatenate([[0], breaks + 1])]
+    ends = steps[np.concatenate([breaks, [len(steps) - 1]])] + 1
+    return [(int(begin), int(end)) for begin, end in zip(begins, ends, strict=True)]
