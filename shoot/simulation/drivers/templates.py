@@ -96,7 +96,7 @@ class RunDriver(TemplateDriver):
         scores = self._run.module(collate([sample]).to(self._run.device))
         log_prob: Array = scores[0].float().log_softmax(dim=-1).cpu().numpy()
         if not np.isfinite(log_prob).all():
-            raise DataError(f"The planner in '{self._run.folder.folder}' gives no finite scores.")
+            raise DataError("The planner gives no finite scores.")
         return log_prob
 
 
