@@ -8,16 +8,17 @@ import shapely
 from numpy.typing import NDArray
 
 from lss_core.geometry import FloatArray, direction_of
-from shoot.metrics.driving_score.surroundings import Lanes, Lights, Surroundings
+from shoot.metrics.driving_score.road import moves
+from shoot.metrics.driving_score.surroundings import Lanes, Lights, Surroundings, locate
 from shoot.metrics.driving_score.tracks import Track
-from shoot.simulation.progress import first_place
+from shoot.simulation.progress import first_place, next_place
 from shoot.simulation.route_lanes import ground_of, lanes_of_route
 from shoot.simulation.vehicle import VehicleState
 from shoot.world.town.town import Lane, Town
 from shoot.world.traffic.driver import ROUTE_STEP_M, follow_lanes
 from shoot.world.traffic.recording import RED
 
-# The route reaches so far behind its start and beyond what was driven, and no further: it may come
+# The route reaches so far behind its start and beyond what was reached, and no further: it may come
 # by again, and progress is measured to the nearest point.
 _BEHIND_M, _BEYOND_M = 10.0, 30.0
 
@@ -39,6 +40,12 @@ class Ground:
         """As navsim has it: who is in no lane of the route drives against it."""
         lanes = replace(self.lawful.lanes, is_on_route=self.is_on_route)
         return replace(self.lawful, lanes=lanes)
+
+    def off_route_m(self, ego: Track) -> float:
+        """Metres that the ego drove in no lane of the route, intersections left out."""
+        where = locate(ego, self.strict)
+        is_off = ~(where.is_centre_in_lane & self.is_on_route).any(axis=-1)
+        return float(moves(ego)[is_off & ~where.is_centre_in_intersection].sum())
 
 
 def ground_of_route(
@@ -79,14 +86,15 @@ def _part_of_route(
 ) -> tuple[list[int], FloatArray]:
     """(places of lanes in the route, [R, 2] centre line) of what of it could be reached."""
     route = follow_lanes([town.lanes[i] for i in route_lanes], pace=1.0)
-    start_m = first_place(route, start)
-    way_m = np.concatenate([[[start.x_m, start.y_m]], ego.xy_m])
-    driven_m = float(np.hypot(*np.diff(way_m, axis=0).T).sum())
-    low_m, high_m = start_m - _BEHIND_M, start_m + driven_m + _BEYOND_M
+    at_m = first_m = farthest_m = first_place(route, start)
+    for (x_m, y_m), yaw_rad in zip(ego.xy_m, ego.yaw_rad, strict=True):
+        at_m = next_place(route, VehicleState(x_m, y_m, yaw_rad, 0.0), at_m)
+        farthest_m = max(farthest_m, at_m)
+    low_m, high_m = first_m - _BEHIND_M, farthest_m + _BEYOND_M
     starts_m = np.array(route.starts_m)
     places = np.flatnonzero((starts_m[1:] > low_m) & (starts_m[:-1] < high_m))
-    at_m = np.arange(len(route.xy_m)) * ROUTE_STEP_M
-    return places.tolist(), route.xy_m[(at_m >= low_m) & (at_m <= high_m)]
+    points_m = np.arange(len(route.xy_m)) * ROUTE_STEP_M
+    return places.tolist(), route.xy_m[(points_m >= low_m) & (points_m <= high_m)]
 
 
 def _lights(town: Town, on_route: set[int], ego: Track, signal_state: NDArray[np.int64]) -> Lights:
