@@ -12,8 +12,9 @@ from jaxtyping import Bool, Float
 from scipy.special import logsumexp
 
 from shoot.footprint import turn
+from shoot.simulation.route_lanes import ground_of, lanes_of_route
 from shoot.simulation.vehicle import VehicleState
-from shoot.world.town.town import Lane, Town
+from shoot.world.town.town import Town
 from shoot.world.traffic.driver import Route
 
 Array = np.ndarray[Any, np.dtype[Any]]
@@ -41,7 +42,8 @@ def on_route(
         route: Its way.
         at_m: How far along it the ego is.
     """
-    area = _area(town, _lanes_ahead(town, route, at_m))
+    area = ground_of(town, _lanes_ahead(town, route, at_m))
+    shapely.prepare(area)
     points_m = turn(templates.astype(np.float64), np.asarray(state.yaw_rad))
     points_m = points_m + np.array([state.x_m, state.y_m])
     inside = shapely.contains_xy(area, points_m[..., 0], points_m[..., 1])
@@ -71,32 +73,4 @@ def _lanes_ahead(town: Town, route: Route, at_m: float) -> set[int]:
     """Lanes and paths of the route near the ego, with neighbours."""
     starts_m = np.array(route.starts_m)
     is_near = (starts_m[1:] > at_m - BEHIND_M) & (starts_m[:-1] < at_m + AHEAD_M)
-    places = np.flatnonzero(is_near)
-    lanes: set[int] = set()
-    for place in places:
-        lane = town.lanes[route.lanes[place]]
-        lanes |= _beside(lane)
-        if lane.turn is not None and 0 < place < len(route.lanes) - 1:
-            onto = _beside(town.lanes[route.lanes[place + 1]])
-            for source in _beside(town.lanes[route.lanes[place - 1]]):
-                paths = town.lanes[source].successors
-                lanes |= {path for path in paths if onto & set(town.lanes[path].successors)}
-    return lanes
-
-
-def _beside(lane: Lane) -> set[int]:
-    """A lane and its neighbours in the same direction."""
-    return {i for i in (lane.lane_id, lane.left_lane, lane.right_lane) if i is not None}
-
-
-def _area(town: Town, lanes: set[int]) -> shapely.Geometry:
-    """The ground of the lanes, by their widths."""
-    strips = [
-        shapely.LineString(town.lanes[i].centreline_m).buffer(
-            town.lanes[i].width_m / 2, cap_style="square"
-        )
-        for i in sorted(lanes)
-    ]
-    area = shapely.union_all(strips)
-    shapely.prepare(area)
-    return area
+    return lanes_of_route(town, route.lanes, np.flatnonzero(is_near).tolist())

@@ -1,16 +1,17 @@
 """The closed loop on simulated time: plans in, what is seen of where they led out."""
 
+from itertools import islice
+
 import numpy as np
 
 from shoot.footprint import turn
 from shoot.simulation.observation import Observation, Sights, World
 from shoot.simulation.plan import Plan
 from shoot.simulation.progress import first_place, next_place
-from shoot.simulation.reference import fit_reference
 from shoot.simulation.route_log import Diary, Mode, RouteLog
 from shoot.simulation.senses import Senses, SensorSettings
-from shoot.simulation.tracker import track
-from shoot.simulation.vehicle import PHYSICS_S, VehicleState, advance, steering_for
+from shoot.simulation.tracker import follow
+from shoot.simulation.vehicle import PHYSICS_S, VehicleState, steering_for
 from shoot.world.town.town import FloatArray, Town
 from shoot.world.traffic.bodies import EgoBody
 from shoot.world.traffic.live import LiveTraffic, stage
@@ -75,11 +76,19 @@ class Simulator:
         self._state = _state_after(traffic.ego, traffic.ego)
         self._route_at_m = first_place(traffic.route, self._state)
         self._note()
-        for _ in range(round(WARM_UP_S / PHYSICS_S)):
-            before = traffic.ego
-            traffic.step(None)
-            self._move_to(_state_after(before, traffic.ego))
+        self._drive_by_rules(round(WARM_UP_S / PHYSICS_S))
         return self._observe()
+
+    def finish_by_rules(self) -> RouteLog:
+        """What happens if the world itself drives the ego to the end of the route.
+
+        Raises:
+            RuntimeError: If the route has not begun.
+        """
+        if self._step == 0:
+            raise RuntimeError("The route has not begun; call reset first.")
+        self._drive_by_rules(self._num_steps - self._step)
+        return self.log()
 
     def step(self, plan: Plan) -> Observation:
         """Follow a plan for `REPLAN_S`.
@@ -89,12 +98,9 @@ class Simulator:
         """
         if self.is_over or self._step == 0:
             raise RuntimeError("The route is over or has not begun; call reset first.")
-        start = self._state
-        reference = fit_reference(plan).placed(np.array([start.x_m, start.y_m]), start.yaw_rad)
         self._diary.note_plan(self.time_s, plan)
-        for k in range(min(STEPS_A_PLAN, self._num_steps - self._step)):
-            command = track(reference, self._state, k)
-            state = advance(self._state, command.accel_mps2, command.steering_rate_radps)
+        num_steps = min(STEPS_A_PLAN, self._num_steps - self._step)
+        for state in islice(follow(plan, self._state), num_steps):
             body = EgoBody(np.array([state.x_m, state.y_m]), state.yaw_rad, state.speed_mps)
             self._traffic.step(body)
             self._move_to(state)
@@ -103,6 +109,12 @@ class Simulator:
     def log(self) -> RouteLog:
         """Everything that has happened so far."""
         return self._diary.log()
+
+    def _drive_by_rules(self, num_steps: int) -> None:
+        for _ in range(num_steps):
+            before = self._traffic.ego
+            self._traffic.step(None)
+            self._move_to(_state_after(before, self._traffic.ego))
 
     def _move_to(self, state: VehicleState) -> None:
         self._state = state

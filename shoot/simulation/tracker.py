@@ -1,14 +1,23 @@
 """The tracker: from a reference and where the car is to what brakes, engine and wheels do."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lss_core.geometry import FloatArray
-from shoot.simulation.reference import Reference
-from shoot.simulation.vehicle import PHYSICS_S, WHEELBASE_M, VehicleState, steering_for
+from shoot.simulation.plan import Plan
+from shoot.simulation.reference import Reference, fit_reference
+from shoot.simulation.vehicle import (
+    PHYSICS_S,
+    WHEELBASE_M,
+    VehicleState,
+    advance,
+    steering_for,
+)
 
 HORIZON_STEPS = 10
 _SPEED_COST, _ACCEL_COST = 10.0, 1.0
@@ -58,6 +67,21 @@ def track(reference: Reference, state: VehicleState, step: int) -> Command:
     speed_mps = np.maximum(state.speed_mps + by_accel @ accel_mps2, 0.0)
     mean_mps = 0.5 * (np.concatenate([[state.speed_mps], speed_mps[:-1]]) + speed_mps)
     return Command(float(accel_mps2[0]), _steer(reference, state, ahead, mean_mps))
+
+
+def follow(plan: Plan, state: VehicleState) -> Iterator[VehicleState]:
+    """The states of a car that follows a plan, every `PHYSICS_S` from the first step on, endlessly.
+
+    Args:
+        plan: Made where the car is.
+        state: Of the car when it begins.
+    """
+    here_m = np.array([state.x_m, state.y_m])
+    reference = fit_reference(plan).placed(here_m, state.yaw_rad)
+    for step in count():
+        command = track(reference, state, step)
+        state = advance(state, command.accel_mps2, command.steering_rate_radps)
+        yield state
 
 
 def _steer(

@@ -79,4 +79,9 @@ class MakeWorldConfig:
 
     def azimuths(self) -> int:
         """Lidar firings a turn."""
-        return self.lidar_azimuths or (1024 if self.image_scale >= 0.2 else 384)
+        return self.lidar_azimuths or azimuths_for(self.image_scale)
+
+
+def azimuths_for(image_scale: float) -> int:
+    """Lidar firings a turn that go with a size of images."""
+    return 1024 if image_scale >= 0.2 else 384

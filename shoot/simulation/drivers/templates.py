@@ -112,7 +112,7 @@ class RunDriver(TemplateDriver):
         scores = self._run.module.outputs(cost_maps)
         log_prob: Array = scores[0].float().log_softmax(dim=-1).cpu().numpy()
         if not np.isfinite(log_prob).all():
-            raise DataError(f"The planner in '{self._run.folder.folder}' gives no finite scores.")
+            raise DataError("The planner gives no finite scores.")
         cost = cost_maps[0].float().mean(dim=0).cpu().numpy()
         return log_prob, CostMap(cost, self._run.config.model.grid)
 

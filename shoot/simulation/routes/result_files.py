@@ -1,0 +1,69 @@
+"""The folder of results: its settings, one file a route."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from lss_core.errors import DataError
+from lss_core.files import write_atomically
+from lss_core.strict_json import save_json, without_nan
+from shoot.simulation.routes.orders import RouteOrder
+
+SETTINGS, ROUTES, SUMMARY = "settings.json", "routes", "summary.json"
+
+Row = dict[str, Any]
+
+
+def settle_settings(folder: Path, card: Row) -> None:
+    """Compare a folder's settings with those of now; note them in a new one.
+
+    Raises:
+        DataError: If they differ.
+    """
+    path = folder / SETTINGS
+    if not path.exists():
+        if (folder / ROUTES).exists():
+            raise DataError(f"'{folder}' holds routes without {SETTINGS}; name another folder.")
+        save_json(card, path)
+        return
+    before = read_object(path)
+    for name in {**card, **before}:
+        if before.get(name) != card.get(name):
+            raise DataError(
+                f"'{folder}' was begun with {name} = {before.get(name)}, now it is "
+                f"{card.get(name)}: use the same settings to go on, or another folder."
+            )
+
+
+def write_row(path: Path, row: Row) -> None:
+    """Write a result; the file is there whole or not at all."""
+    text = json.dumps(without_nan(row), allow_nan=False, separators=(",", ":")) + "\n"
+    with write_atomically(path) as stream:
+        stream.write(text.encode())
+
+
+def read_result(path: Path, order: RouteOrder) -> Row:
+    """A route's result.
+
+    Raises:
+        DataError: If the file is not that of this route.
+    """
+    row = read_object(path)
+    if (row.get("town_seed"), row.get("seed")) != (order.town_seed, order.seed):
+        raise DataError(f"'{path}' is not of route {order.index}; take it away, it is driven anew.")
+    return row
+
+
+def read_object(path: Path) -> Row:
+    """A JSON object.
+
+    Raises:
+        DataError: If there is none.
+    """
+    try:
+        value = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise DataError(f"'{path}' cannot be read ({error}).") from error
+    if not isinstance(value, dict):
+        raise DataError(f"'{path}' is no JSON object.")
+    return value
