@@ -51,13 +51,14 @@ class BirdView:
             ]
         )
 
-    def draw(self, film: Film, ground: Ground, step: int) -> Rgb:
+    def draw(self, film: Film, ground: Ground, step: int, has_scale: bool = True) -> Rgb:
         """[height, width, 3] that moment.
 
         Args:
             film: The drive.
             ground: What stands still there.
             step: Which moment of the log.
+            has_scale: Whether a bar says how long 10 m are.
         """
         log = film.log
         pixel_from_ego = self.pixel_from_ego()
@@ -82,8 +83,9 @@ class BirdView:
         if plan_idx is not None:
             _draw_plan(canvas, film, plan_idx, pixel_from_plan)
         for mishap in film.mishaps_by(step):
-            _cross(canvas, place(pixel_from_town, mishap.xy_m))
-        self._draw_scale(canvas)
+            draw_cross(canvas, place(pixel_from_town, mishap.xy_m))
+        if has_scale:
+            self._draw_scale(canvas)
         return canvas.picture()
 
     def _draw_scale(self, canvas: Canvas) -> None:
@@ -192,7 +194,8 @@ def probability_colour(strength: float) -> str:
     return f"#{round(255 * red):02x}{round(255 * green):02x}{round(255 * blue):02x}"
 
 
-def _cross(canvas: Canvas, at: Points) -> None:
+def draw_cross(canvas: Canvas, at: Points) -> None:
+    """Something went wrong there."""
     reach = 6.0
     for casing, width_px in ((palette.PAPER, 6), (colours.WRONG, 3)):
         for slope in (1.0, -1.0):

@@ -36,8 +36,24 @@ def draw_cameras(film: Film, plan_idx: int, width_px: int, height_px: int) -> Rg
     return canvas.picture()
 
 
-def draw_camera(film: Film, plan_idx: int, view: CameraView, width_px: int, height_px: int) -> Rgb:
-    """[height, width, 3] one camera's image, cut to fit, with templates and its name."""
+def draw_camera(
+    film: Film,
+    plan_idx: int,
+    view: CameraView,
+    width_px: int,
+    height_px: int,
+    has_name: bool = True,
+) -> Rgb:
+    """[height, width, 3] one camera's image, cut to fit, with templates on the ground.
+
+    Args:
+        film: The drive.
+        plan_idx: Which plan's.
+        view: What the camera saw then.
+        width_px: Of the panel.
+        height_px: Of the panel.
+        has_name: Whether the camera's name is written on it.
+    """
     pixels = view.pixels()
     scale = max(width_px / pixels.shape[1], height_px / pixels.shape[0])
     resized_wh = round(pixels.shape[1] * scale), round(pixels.shape[0] * scale)
@@ -65,8 +81,9 @@ def draw_camera(film: Film, plan_idx: int, view: CameraView, width_px: int, heig
     shade = palette.PLANNED if ranking is None else probability_colour(1.0)
     for stretch in project_path(path_m, *camera, (height_px, width_px), 0.25):
         canvas.line(stretch, shade, 3, palette.PAPER)
-    name = view.channel.removeprefix("CAM_").replace("_", " ").lower()
-    canvas.text(7, 18, name, 12, palette.PAPER, is_bold=True, casing=palette.INK)
+    if has_name:
+        name = view.channel.removeprefix("CAM_").replace("_", " ").lower()
+        canvas.text(7, 18, name, 12, palette.PAPER, is_bold=True, casing=palette.INK)
     return canvas.picture()
 
 

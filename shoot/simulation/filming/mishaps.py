@@ -1,12 +1,13 @@
 """What went wrong on a drive and when, in words: from the same arrays that the score reads."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lss_core.geometry import FloatArray
-from shoot.metrics.driving_score.collisions import Contact, find_contacts
+from shoot.metrics.driving_score.collisions import Cause, Contact, find_contacts
 from shoot.metrics.driving_score.facts import is_stuck
 from shoot.metrics.driving_score.lights import red_touches
 from shoot.metrics.driving_score.road import is_against, moves
@@ -17,15 +18,19 @@ from shoot.metrics.driving_score.tracks import Others, Track
 # What stops for a shorter time than this has not stopped.
 _PAUSE_S = 1.0
 # Told of once it is so long, or so far.
-_STUCK_S, _AGAINST_M = 2.0, 2.0
+_STUCK_S, _FAR_M = 2.0, 2.0
 
-_BLAMELESS = {
+_AT_FAULT: dict[Cause, str] = {
+    "front": "",
+    "side": " with its side",
+    "other stands": " that stands",
+}
+_BLAMELESS: dict[Cause, str] = {
     "before the start": "from the start",
     "ego stands": "while standing",
     "from behind": "from behind",
     "side": "at its side",
 }
-_KINDS = {"object": "a thing", "pedestrian": "a pedestrian"}
 
 
 @dataclass(frozen=True)
@@ -44,44 +49,60 @@ class Mishap:
 
 
 def find_mishaps(
-    ego: Track, others: Others, around: Surroundings, start_s: float = 0.0
+    ego: Track,
+    others: Others,
+    names: Sequence[str],
+    around: Surroundings,
+    strict: Surroundings,
+    start_s: float = 0.0,
 ) -> tuple[Mishap, ...]:
     """What went wrong, in the order of time; each stretch of it is told once, where it begins.
 
     Args:
         ego: What was driven.
         others: At the same steps, or more.
-        around: Where.
+        names: Of the others, in words.
+        around: Where; all lanes may be driven in their direction.
+        strict: The same, where only lanes of the route may.
         start_s: Time of the route at the ego's first step.
     """
     where = locate(ego, around)
-    against_m = np.cumsum(moves(ego) * is_against(ego, around, where))
-    told = [(c.step, _of_contact(c)) for c in find_contacts(ego, others, where)]
-    stretches = {
+    moved_m = moves(ego)
+    is_wrong_way = is_against(ego, around, where)
+    told = [
+        (contact.step, _of_contact(contact, names[contact.other]))
+        for contact in find_contacts(ego, others, where)
+    ]
+    at_once = {
         "leaves the road": where.off_road_m > 0.0,
         "runs a red light": red_touches(ego, around, where).any(axis=0),
         "is about to hit somebody": near_collisions(ego, others, where),
     }
-    for words, is_so in stretches.items():
-        told += [(begin, words) for begin, _ in _stretches(is_so, ego.steps_in(_PAUSE_S))]
-    for begin, end in _stretches(is_against(ego, around, where), ego.steps_in(_PAUSE_S)):
-        far = np.flatnonzero(against_m[begin:end] - against_m[begin] >= _AGAINST_M)
-        told += [(begin + int(step), "strays from the lanes of its route") for step in far[:1]]
+    pause = ego.steps_in(_PAUSE_S)
+    for words, is_so in at_once.items():
+        told += [(begin, words) for begin, _ in _stretches(is_so, pause)]
+    after_metres = {
+        "drives against the traffic": is_wrong_way,
+        "strays from its route": is_against(ego, strict, where) & ~is_wrong_way,
+    }
+    for words, is_so in after_metres.items():
+        for begin, end in _stretches(is_so, pause):
+            far_m = np.cumsum(np.where(is_so, moved_m, 0.0)[begin:end])
+            told += [(begin + int(step), words) for step in np.flatnonzero(far_m >= _FAR_M)[:1]]
     for begin, end in _stretches(is_stuck(ego, others, around), 1):
-        if end - begin >= ego.steps_in(_STUCK_S):
+        if end - begin > ego.steps_in(_STUCK_S):
             told.append((begin + ego.steps_in(_STUCK_S), "stands, and nothing shows why"))
     return tuple(
-        Mishap(round(start_s + step * ego.dt_s, 6), words, ego.centre_m[min(step, len(ego) - 1)])
+        Mishap(round(start_s + step * ego.dt_s, 6), words, ego.centre_m[step])
         for step, words in sorted(told, key=lambda of: of[0])
     )
 
 
-def _of_contact(contact: Contact) -> str:
-    whom = _KINDS.get(contact.kind, f"a {contact.kind}")
+def _of_contact(contact: Contact, name: str) -> str:
+    whom = f"an {name}" if name[:1] in "aeiou" else f"a {name}"
     if contact.is_at_fault:
-        how = {"front": "", "side": " with its side", "other stands": " that stands"}
-        return f"hits {whom}{how.get(contact.cause, '')}, at fault"
-    return f"is touched by {whom} {_BLAMELESS.get(contact.cause, '')}, not at fault"
+        return f"hits {whom}{_AT_FAULT[contact.cause]}, at fault"
+    return f"is touched by {whom} {_BLAMELESS[contact.cause]}, not at fault"
 
 
 def _stretches(is_so: NDArray[np.bool_], pause: int) -> list[tuple[int, int]]:

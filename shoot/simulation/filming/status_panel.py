@@ -33,8 +33,8 @@ def draw_status(film: Film, step: int, width_px: int, height_px: int) -> Rgb:
     speed_mps = float(film.log.ego.speed_mps[step])
     canvas.text(_EDGE_PX, 42, f"{film.time_s(step):.1f} s", 30, palette.INK, is_bold=True)
     speed = f"{speed_mps:.1f} m/s"
-    canvas.text(_EDGE_PX + 125, 42, speed, 30, palette.INK, is_bold=True)
-    canvas.text(_EDGE_PX + 275, 42, f"{3.6 * speed_mps:.0f} km/h", 18, palette.SOFT_INK)
+    canvas.text(_EDGE_PX + 140, 42, speed, 30, palette.INK, is_bold=True)
+    canvas.text(_EDGE_PX + 290, 42, f"{3.6 * speed_mps:.0f} km/h", 18, palette.SOFT_INK)
     top = 72 if width_px < 2 * height_px else 42
     left = _EDGE_PX if width_px < 2 * height_px else _EDGE_PX + 400
     canvas.text(left, top, _of_plan(film, step), 15, palette.SOFT_INK)

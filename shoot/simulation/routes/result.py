@@ -9,6 +9,7 @@ from shoot.metrics.driving_score.route_scores import Bench2Drive, bench2drive
 from shoot.metrics.driving_score.score import SUB_SCORES, DrivingScore, epdms
 from shoot.simulation.route_log import RouteLog
 from shoot.simulation.routes.orders import RouteOrder
+from shoot.simulation.routes.pictures import mishaps_of
 from shoot.simulation.routes.scene import FIRST_STEP, RouteScene, scene_of
 from shoot.world.town.town import Town
 
@@ -64,6 +65,7 @@ def result_of(order: RouteOrder, log: RouteLog, town: Town, reference_m: float) 
         "bench2drive": {"score": driven.score, "success": float(driven.is_success)},
         "facts": _facts(scene, facts, log, reference_m),
         "contacts": _contacts(scene, facts),
+        "mishaps": _mishaps(scene),
         "ego": _track(log),
         "plans": {
             "time_s": [time_s for time_s, _ in log.plans],
@@ -130,6 +132,14 @@ def _contacts(scene: RouteScene, facts: Facts) -> list[Row]:
             "is_at_fault": contact.is_at_fault,
         }
         for contact in facts.contacts
+    ]
+
+
+def _mishaps(scene: RouteScene) -> list[Row]:
+    """What went wrong, in words."""
+    return [
+        {"time_s": one.time_s, "what": one.words, "at_m": one.xy_m.round(_MM).tolist()}
+        for one in mishaps_of(scene)
     ]
 
 

@@ -18,8 +18,11 @@ from shoot.jobs.parallel import run_jobs
 from shoot.metrics.driving_score.score import NAME
 from shoot.simulation.drivers.driver import drive
 from shoot.simulation.drivers.making import DriverSettings, make_driver
+from shoot.simulation.filming.film import Film, Reel
+from shoot.simulation.filming.video import import_av
 from shoot.simulation.route_log import Mode
 from shoot.simulation.routes.orders import RouteOrder, route_orders
+from shoot.simulation.routes.pictures import film_of, video_file, write_pictures
 from shoot.simulation.routes.result import Row, failure_of, result_of, score_rules
 from shoot.simulation.routes.result_files import ROUTES, read_result, settle_settings, write_row
 from shoot.simulation.senses import SensorSettings
@@ -66,7 +69,12 @@ class RouteSettings:
 
 
 def run_routes(
-    settings: RouteSettings, num: int, folder: Path, workers: int = 1, dask: str | None = None
+    settings: RouteSettings,
+    num: int,
+    folder: Path,
+    workers: int = 1,
+    dask: str | None = None,
+    with_video: bool = False,
 ) -> list[Row]:
     """Drive the first `num` routes of a seed, except those that are there; returns all results.
 
@@ -78,10 +86,14 @@ def run_routes(
         folder: Of the results; one file a route.
         workers: Processes.
         dask: Address of a dask scheduler, see `run_jobs`.
+        with_video: Write a video of each route, too; routes that have none are driven again.
 
     Raises:
-        DataError: If the folder holds results of other settings, or the driver cannot be had.
+        DataError: If the folder holds results of other settings, the driver cannot be had, or
+            videos are wanted and cannot be written here.
     """
+    if with_video:
+        import_av()
     orders = list(route_orders(num, settings.seed))
     with sole_writer(folder):
         settle_settings(folder, settings.card())
@@ -89,40 +101,60 @@ def run_routes(
         (folder / ROUTES).mkdir(exist_ok=True)
         towns: defaultdict[int, list[RouteOrder]] = defaultdict(list)
         for order in orders:
-            if not (folder / ROUTES / order.file_name).exists():
+            if not _is_done(folder, order, with_video):
                 towns[order.town].append(order)
         still_to_do = sum(map(len, towns.values()))
-        job = partial(_drive_town, settings=settings, folder=folder.absolute())
+        job = partial(
+            _drive_town, settings=settings, folder=folder.absolute(), with_video=with_video
+        )
         with progress("Routes", num, num - still_to_do) as advance:
             for count in run_jobs(job, list(towns.values()), workers, dask, folder):
                 advance(count)
         return [read_result(folder / ROUTES / order.file_name, order) for order in orders]
 
 
-def _drive_town(orders: list[RouteOrder], settings: RouteSettings, folder: Path) -> int:
+def _is_done(folder: Path, order: RouteOrder, with_video: bool) -> bool:
+    """Whether a route's result is there, and its video if wanted; a failure has no pictures."""
+    path = folder / ROUTES / order.file_name
+    if not path.exists() or not with_video:
+        return path.exists()
+    is_failure = read_result(path, order)["error"] is not None
+    return is_failure or video_file(folder, path.stem).exists()
+
+
+def _drive_town(
+    orders: list[RouteOrder], settings: RouteSettings, folder: Path, with_video: bool
+) -> int:
     """Drive routes of one town, and write their results."""
     with _one_thread():
         town = make_town(orders[0].town_seed)
         for order in orders:
-            write_row(folder / ROUTES / order.file_name, _drive_route(order, town, settings))
+            path = folder / ROUTES / order.file_name
+            row, film = _drive_route(order, town, settings)
+            if film is not None:  # before the result, which says that all is done
+                write_pictures(film, folder, path.stem, with_video)
+            write_row(path, row)
     return len(orders)
 
 
-def _drive_route(order: RouteOrder, town: Town, settings: RouteSettings) -> Row:
+def _drive_route(order: RouteOrder, town: Town, settings: RouteSettings) -> tuple[Row, Film | None]:
+    """A route's result and, if it was driven to its end, what is to be shown of it."""
     mode, duration_s = settings.mode, settings.duration_s
     driver = make_driver(settings.driver)
     try:
         by_rules = Simulator(town, order.seed, mode, duration_s=duration_s)
         by_rules.reset()
         reference_m = score_rules(by_rules.finish_by_rules(), town)
-        log = drive(driver, town, order.seed, mode, settings.car, duration_s)
-        return result_of(order, log, town, reference_m)
+        reel = Reel()
+        log = drive(driver, town, order.seed, mode, settings.car, duration_s, reel.keep)
+        film = film_of(log, town, reel.views if driver.cameras else (), driver.name)
+        return result_of(order, log, town, reference_m), film
     except (OSError, MemoryError):  # of the machine, not of the driver
         raise
     except DataError as error:
-        return failure_of(order, mode, error.sentence)
+        return failure_of(order, mode, error.sentence), None
     except Exception as error:
-        return failure_of(order, mode, f"{type(error).__name__}: {error}")
+        return failure_of(order, mode, f"{type(error).__name__}: {error}"), None
 
 
 @contextmanager

@@ -1,0 +1,64 @@
+"""A driven route as pictures: what is filmed of it, with what went wrong by the score's rules."""
+
+from pathlib import Path
+
+from lss_core.files import write_atomically
+from shoot.simulation.filming.film import Film, Views
+from shoot.simulation.filming.frames import draw_frames
+from shoot.simulation.filming.mishaps import Mishap, find_mishaps
+from shoot.simulation.filming.strip import strip_jpeg
+from shoot.simulation.filming.video import write_video
+from shoot.simulation.route_log import RouteLog
+from shoot.simulation.routes.scene import FIRST_STEP, RouteScene, scene_of
+from shoot.world.town.town import Town
+
+STRIPS, VIDEOS = "strips", "videos"
+
+
+def strip_file(folder: Path, stem: str) -> Path:
+    """Where a route's filmstrip is in a folder of results; `stem`: of its result's name."""
+    return folder / STRIPS / f"{stem}.jpg"
+
+
+def video_file(folder: Path, stem: str) -> Path:
+    """Where a route's video is; `stem`: of its result's name."""
+    return folder / VIDEOS / f"{stem}.mp4"
+
+
+def write_pictures(film: Film, folder: Path, stem: str, with_video: bool) -> None:
+    """Write a route's filmstrip, and its video if asked for.
+
+    Args:
+        film: The route.
+        folder: Of results.
+        stem: Of the result's name, without its ending.
+        with_video: Whether a video is wanted, too.
+    """
+    with write_atomically(strip_file(folder, stem)) as stream:
+        stream.write(strip_jpeg(film))
+    if with_video:
+        write_video(draw_frames(film), video_file(folder, stem))
+
+
+def film_of(log: RouteLog, town: Town, views: tuple[Views, ...] = (), driver: str = "") -> Film:
+    """A whole route, to be shown.
+
+    Args:
+        log: What happened.
+        town: Its town.
+        views: What cameras saw at each plan, see `Reel`; empty if nothing.
+        driver: Who drove, in words.
+    """
+    return Film(town, log, views, driver, mishaps_of(scene_of(log, town)))
+
+
+def mishaps_of(scene: RouteScene) -> tuple[Mishap, ...]:
+    """What went wrong from the hand-over on."""
+    return find_mishaps(
+        scene.ego,
+        scene.others,
+        scene.names,
+        scene.ground.lawful,
+        scene.ground.strict,
+        start_s=FIRST_STEP * scene.ego.dt_s,
+    )
