@@ -3,11 +3,11 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
 
 from lss_core.files import write_atomically
 from shoot.evaluation.results import Report
 from shoot.report.html.cards import SampleCard
+from shoot.report.html.document import document
 from shoot.report.html.guide import reading_guide
 from shoot.report.html.markup import Html, element, join
 from shoot.report.html.opening import opening
@@ -17,11 +17,7 @@ from shoot.report.html.sections import (
     parts_section,
     samples_section,
 )
-from shoot.report.html.style import STYLE
 from shoot.trajectories import HORIZON_S
-
-# The browser may fetch nothing, run nothing and send nothing, whatever stands in the page.
-POLICY: Final = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 
 
 @dataclass(frozen=True)
@@ -101,15 +97,7 @@ def render_page(
             ),
         ),
     )
-    head = join(
-        element("meta", charset="utf-8"),
-        element("meta", http_equiv="Content-Security-Policy", content=POLICY),
-        element("meta", name="viewport", content="width=device-width, initial-scale=1"),
-        element("title", title),
-        element("style", Html(STYLE)),
-    )
-    page = element("html", element("head", head), element("body", body), lang="en")
-    return f"<!DOCTYPE html>\n{page}\n"
+    return document(title, body)
 
 
 def _facts(report: Report, details: PageDetails) -> Html:

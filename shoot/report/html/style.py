@@ -48,6 +48,8 @@ svg text{{font-family:inherit!important}}
 .key li{{display:flex;align-items:center;gap:.4rem;margin:0}}
 .card{{margin:1rem 0 2rem}}
 .card img{{border:1px solid {RULE};width:100%}}
+.strip{{overflow-x:auto;margin:.5rem 0}}
+.strip img{{width:100%;min-width:56rem}}
 .pair{{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,22rem),1fr));
  gap:.5rem 1.25rem}}
 .pair .card{{margin:0;min-width:0}}

@@ -18,6 +18,7 @@ def method_table(
     methods: Mapping[str, Metrics],
     columns: Sequence[Column],
     limits: Mapping[str, Metrics] | None = None,
+    corner: str = "method",
 ) -> Html:
     """Methods one below the other, metrics side by side, intervals under the means.
 
@@ -27,6 +28,7 @@ def method_table(
         columns: Metrics, in order.
         limits: Rows below that are no methods, such as the driver's own path; one that has none of
             the metrics is left out.
+        corner: What rows are.
     """
     rows = [_row(name, metrics, columns, row_class(name)) for name, metrics in methods.items()]
     rows += [
@@ -34,7 +36,7 @@ def method_table(
         for name, metrics in (limits or {}).items()
         if any(column.key in metrics for column in columns)
     ]
-    return _table(title, _head("method", columns), rows)
+    return _table(title, _head(corner, columns), rows)
 
 
 def difference_table(

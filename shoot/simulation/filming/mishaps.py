@@ -69,18 +69,18 @@ def find_mishaps(
     where = locate(ego, around)
     moved_m = moves(ego)
     is_wrong_way = is_against(ego, around, where)
-    told = [
-        (contact.step, _of_contact(contact, names[contact.other]))
-        for contact in find_contacts(ego, others, where)
-    ]
+    contacts = find_contacts(ego, others, where)
+    told = [(contact.step, _of_contact(contact, names[contact.other])) for contact in contacts]
     at_once = {
         "leaves the road": where.off_road_m > 0.0,
         "runs a red light": red_touches(ego, around, where).any(axis=0),
-        "is about to hit somebody": near_collisions(ego, others, where),
     }
     pause = ego.steps_in(_PAUSE_S)
     for words, is_so in at_once.items():
         told += [(begin, words) for begin, _ in _stretches(is_so, pause)]
+    for begin, _ in _stretches(near_collisions(ego, others, where), pause):
+        if not any(begin <= contact.step <= begin + pause for contact in contacts):
+            told.append((begin, "nearly hits something"))
     after_metres = {
         "drives against the traffic": is_wrong_way,
         "strays from its route": is_against(ego, strict, where) & ~is_wrong_way,
@@ -100,6 +100,8 @@ def find_mishaps(
 
 def _of_contact(contact: Contact, name: str) -> str:
     whom = f"an {name}" if name[:1] in "aeiou" else f"a {name}"
+    if contact.is_at_fault and contact.kind == "object":
+        return f"hits {whom}, at fault"
     if contact.is_at_fault:
         return f"hits {whom}{_AT_FAULT[contact.cause]}, at fault"
     return f"is touched by {whom} {_BLAMELESS[contact.cause]}, not at fault"
