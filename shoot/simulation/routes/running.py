@@ -20,8 +20,15 @@ from shoot.simulation.drivers.driver import drive
 from shoot.simulation.drivers.making import DriverSettings, make_driver
 from shoot.simulation.route_log import Mode
 from shoot.simulation.routes.orders import RouteOrder, route_orders
-from shoot.simulation.routes.result import Row, failure_of, result_of, score_rules
-from shoot.simulation.routes.result_files import ROUTES, read_result, settle_settings, write_row
+from shoot.simulation.routes.result import failure_of, result_of, score_rules
+from shoot.simulation.routes.result_files import (
+    ROUTES,
+    Row,
+    read_object,
+    route_file,
+    settle_settings,
+    write_row,
+)
 from shoot.simulation.senses import SensorSettings
 from shoot.simulation.simulator import Simulator
 from shoot.world.config import WORLD_FORMAT
@@ -89,14 +96,21 @@ def run_routes(
         (folder / ROUTES).mkdir(exist_ok=True)
         towns: defaultdict[int, list[RouteOrder]] = defaultdict(list)
         for order in orders:
-            if not (folder / ROUTES / order.file_name).exists():
+            if not route_file(folder, order.index).exists():
                 towns[order.town].append(order)
         still_to_do = sum(map(len, towns.values()))
         job = partial(_drive_town, settings=settings, folder=folder.absolute())
         with progress("Routes", num, num - still_to_do) as advance:
             for count in run_jobs(job, list(towns.values()), workers, dask, folder):
                 advance(count)
-        return [read_result(folder / ROUTES / order.file_name, order) for order in orders]
+        return [_read(route_file(folder, order.index), order) for order in orders]
+
+
+def _read(path: Path, order: RouteOrder) -> Row:
+    row = read_object(path)
+    if (row.get("town_seed"), row.get("seed")) != (order.town_seed, order.seed):
+        raise DataError(f"'{path}' is not of route {order.index}; take it away, it is driven anew.")
+    return row
 
 
 def _drive_town(orders: list[RouteOrder], settings: RouteSettings, folder: Path) -> int:
@@ -104,7 +118,7 @@ def _drive_town(orders: list[RouteOrder], settings: RouteSettings, folder: Path)
     with _one_thread():
         town = make_town(orders[0].town_seed)
         for order in orders:
-            write_row(folder / ROUTES / order.file_name, _drive_route(order, town, settings))
+            write_row(route_file(folder, order.index), _drive_route(order, town, settings))
     return len(orders)
 
 

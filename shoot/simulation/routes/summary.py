@@ -11,7 +11,7 @@ import numpy as np
 from lss_core.errors import DataError
 from lss_core.strict_json import save_json
 from shoot.metrics.bootstrap import GroupBootstrap, Interval
-from shoot.simulation.routes.result_files import ROUTES, SETTINGS, SUMMARY, Row, read_object
+from shoot.simulation.routes.result_files import SETTINGS, SUMMARY, Row, read_object, route_file
 
 SECTIONS = ("scores", "strict_route", "bench2drive", "facts")
 TOTAL = "driving_score"
@@ -113,7 +113,7 @@ def _compare(rows: Sequence[Row], settings: Row, folder: Path) -> Difference:
         raise DataError(f"The routes in '{folder}' have another length or score: drive them anew.")
     pairs = []
     for row in rows:
-        path = folder / ROUTES / f"route-{row['route']:04d}.json"
+        path = route_file(folder, row["route"])
         other = read_object(path) if path.exists() else {}
         if all(other.get(name) == row[name] for name in ("town_seed", "seed")):
             pairs.append((row, other))
