@@ -1,6 +1,6 @@
 """Sub-scores and facts: their names, and how they are read from results."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any, Final
 
 from shoot.metrics.bootstrap import Interval
@@ -26,15 +26,19 @@ _FACTORS: Final = ("nc", "dac", "ddc", "tlc")
 COLUMNS: Final = (
     SCORE,
     *(
-        Column(key, "factors" if key in _FACTORS else "weighted", key.upper(), 3, True)
+        Column(key, "factors" if key in _FACTORS else "weighted", key.upper(), 2, True)
         for key in SUB_SCORES
     ),
 )
-
-
-def fact_columns(facts: Iterable[str]) -> tuple[Column, ...]:
-    """A column each, named as the fact is."""
-    return tuple(Column(key, key.replace("_", " "), decimals=2) for key in facts)
+FACTS: Final = (
+    Column("collisions_at_fault", "collisions at fault"),
+    Column("red_lights", "red lights run"),
+    Column("off_road_m", "off the road, m", decimals=1),
+    Column("against_m", "in no lane of its direction, m", decimals=1),
+    Column("off_route_m", "off the route, m", decimals=1),
+    Column("progress_m", "progress, m", decimals=0, high_is_good=True),
+    Column("stuck_s", "stuck, s", decimals=1),
+)
 
 
 def interval_of(value: object) -> Interval:
@@ -45,11 +49,17 @@ def interval_of(value: object) -> Interval:
 
 
 def scores_of(summary: Row) -> dict[str, Interval]:
-    """Driving score and sub-scores of a summary."""
-    return {
-        SCORE.key: interval_of(summary.get(SCORE.key)),
-        **{key: interval_of(value) for key, value in summary.get("sub_scores", {}).items()},
-    }
+    """Driving score and sub-scores of a summary, or of what it has more than another."""
+    return _intervals({SCORE.key: summary.get(SCORE.key), **summary.get("sub_scores", {})})
+
+
+def facts_of(summary: Row) -> dict[str, Interval]:
+    """Its facts."""
+    return _intervals(summary.get("facts", {}))
+
+
+def _intervals(values: Row) -> dict[str, Interval]:
+    return {key: interval_of(value) for key, value in values.items()}
 
 
 def _number(value: object) -> float:

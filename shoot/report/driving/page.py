@@ -1,42 +1,59 @@
 """The page of a folder of driven routes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from lss_core.files import write_atomically
+from shoot.metrics.bootstrap import Interval
 from shoot.metrics.driving_score.score import NAME
 from shoot.report.driving.columns import (
     COLUMNS,
+    FACTS,
     SCORE,
     WORDS,
     Row,
-    fact_columns,
+    facts_of,
     interval_of,
     scores_of,
 )
 from shoot.report.driving.route_cards import route_cards, worst_routes
+from shoot.report.html.columns import Column
 from shoot.report.html.document import document
 from shoot.report.html.markup import Html, element, folded, join, note
-from shoot.report.html.tables import method_table
+from shoot.report.html.tables import difference_table, method_table
 from shoot.report.html.words import bounds, has_bounds, number
+from shoot.simulation.routes.pictures import strip_file
+from shoot.simulation.routes.result_files import SUMMARY, read_object, route_file
 
 NUM_WORST = 6
+PAGE = "report.html"
+
+Read = Callable[[Row], dict[str, Interval]]
 
 
 def write_driving_page(
-    path: str | Path,
-    summary: Row,
-    rows: Sequence[Row],
-    strips: Mapping[int, bytes],
-    beside: Mapping[str, Row] | None = None,
-) -> None:
-    """Write one file that needs no other file, no network and no script; whole or not at all.
+    folder: Path, summary: Row, rows: Sequence[Row], beside: Sequence[Path] = ()
+) -> Path:
+    """Write `report.html`, which needs no other file, no network and no script; returns its path.
 
-    See `render_driving_page`.
+    Args:
+        folder: Of results, with their filmstrips; the page is written there, whole or not at all.
+        summary: Of these, as in `summary.json`.
+        rows: Results of all routes, as in their files.
+        beside: Folders of other results; those with a summary stand in the same tables.
     """
-    page = render_driving_page(summary, rows, strips, beside)
+    files = {
+        row["route"]: strip_file(folder, route_file(folder, row["route"]).stem)
+        for row in worst_routes(rows, NUM_WORST)
+    }
+    strips = {route: path.read_bytes() for route, path in files.items() if path.exists()}
+    others = {
+        one.resolve().name: read_object(one / SUMMARY) for one in beside if (one / SUMMARY).exists()
+    }
+    path = folder / PAGE
     with write_atomically(path) as stream:
-        stream.write(page.encode())
+        stream.write(render_driving_page(summary, rows, strips, others).encode())
+    return path
 
 
 def render_driving_page(
@@ -59,15 +76,12 @@ def render_driving_page(
     body = join(
         element("h1", f"{title}, {summary.get('mode')} traffic"),
         element("h2", _answer(summary), class_="answer"),
-        method_table(
-            f"{NAME}: means over routes",
-            {name: scores_of(one) for name, one in drivers.items()},
-            COLUMNS,
-            corner="driver",
-        ),
-        _guide(),
+        _table(f"{NAME}: means over routes", drivers, COLUMNS, scores_of),
+        _differences(summary, COLUMNS, scores_of),
+        _guide(summary),
         element("h2", "Facts"),
-        _facts(drivers),
+        _table("Means over routes that were driven to their end", drivers, FACTS, facts_of),
+        _differences(summary, FACTS, facts_of),
         element("h2", "Worst routes"),
         note(
             "First the whole way from above, from the white dot to the black one; then moments: "
@@ -93,7 +107,21 @@ def _answer(summary: Row) -> str:
     return f"{_name(summary)} has a driving score of {said}{reach}."
 
 
-def _guide() -> Html:
+def _table(title: str, drivers: Mapping[str, Row], columns: Sequence[Column], read: Read) -> Html:
+    means = {name: read(summary) for name, summary in drivers.items()}
+    return method_table(title, means, columns, corner="driver")
+
+
+def _differences(summary: Row, columns: Sequence[Column], read: Read) -> Html:
+    """Paired, on the same routes; nothing if nobody is to be compared with."""
+    minus = summary.get("minus", {})
+    if not minus:
+        return Html()
+    differences = {name: read(one) for name, one in minus.items()}
+    return difference_table("Differences on the same routes", differences, columns, _name(summary))
+
+
+def _guide(summary: Row) -> Html:
     meanings = (f"{key.upper()}: {words}" for key, words in WORDS.items())
     return folded(
         "What the columns mean",
@@ -102,21 +130,14 @@ def _guide() -> Html:
             "p",
             "The driving score of a route is the product of the factors times the weighted mean of "
             "the rest (EP and TTC 5, LK, HC and EC 2 each). The first seconds, which the rule "
-            "driver drives, do not count. Ranges are 95 % intervals over routes. A route that "
-            "could not be driven counts 0. It is not NAVSIM's own figure: see "
-            "docs/driving_score.md.",
+            "driver drives, do not count. Ranges are 95 % intervals over "
+            f"{summary.get('num_towns')} towns. A route that could not be driven counts 0. It is "
+            "not NAVSIM's own figure: see docs/driving_score.md.",
+        ),
+        element(
+            "ul", *(element("li", f"{k}: {v}") for k, v in summary.get("settings", {}).items())
         ),
     )
-
-
-def _facts(drivers: Mapping[str, Row]) -> Html:
-    facts = {name: dict(summary.get("facts", {})) for name, summary in drivers.items()}
-    keys = dict.fromkeys(key for of_one in facts.values() for key in of_one)
-    rows = {
-        name: {key: interval_of(value) for key, value in of_one.items()}
-        for name, of_one in facts.items()
-    }
-    return method_table("Means over routes", rows, fact_columns(keys), corner="driver")
 
 
 def _all_routes(rows: Sequence[Row]) -> Html:

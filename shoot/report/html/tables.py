@@ -40,13 +40,16 @@ def method_table(
 
 
 def difference_table(
-    title: str, differences: Mapping[str, Metrics], columns: Sequence[Column]
+    title: str,
+    differences: Mapping[str, Metrics],
+    columns: Sequence[Column],
+    whose: str = MODEL,
 ) -> Html:
-    """Model minus each baseline; bold, with a verdict, where the interval excludes zero."""
+    """Model (or who else is named) minus each baseline; bold, with a verdict, where the interval excludes zero."""
     rows = [
         _row(name, metrics, columns, "method", signed=True) for name, metrics in differences.items()
     ]
-    return _table(title, _head(f"{MODEL} minus", columns), rows)
+    return _table(title, _head(f"{whose} minus", columns), rows)
 
 
 def summary_table(title: str, overall: Results) -> Html:

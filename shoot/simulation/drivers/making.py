@@ -73,10 +73,12 @@ def make_driver(settings: DriverSettings) -> Driver:
     Raises:
         DataError: If its run cannot be opened.
     """
+    if settings.name == "rule":
+        return RuleDriver()
+    if settings.name == "constant_velocity":
+        return ConstantVelocityDriver()
     if settings.run is None:
-        return {"rule": RuleDriver, "constant_velocity": ConstantVelocityDriver}.get(
-            settings.name, StillDriver
-        )()
+        return StillDriver()
     if settings.name == "run":
         return RunDriver(_open(settings.run), settings.choose, settings.route_gate)
     if settings.name == "prior":

@@ -82,7 +82,7 @@ def find_mishaps(
         if not any(begin <= contact.step <= begin + pause for contact in contacts):
             told.append((begin, "nearly hits something"))
     after_metres = {
-        "drives against the traffic": is_wrong_way,
+        "drives in no lane of its direction": is_wrong_way,
         "strays from its route": is_against(ego, strict, where) & ~is_wrong_way,
     }
     for words, is_so in after_metres.items():

@@ -26,11 +26,6 @@ class RouteOrder:
     town_seed: int
     seed: int
 
-    @property
-    def file_name(self) -> str:
-        """Of its result."""
-        return f"route-{self.index:04d}.json"
-
 
 def route_orders(num: int, seed: int) -> Iterator[RouteOrder]:
     """The first `num` routes of a seed; more of them begin with the same."""

@@ -1,7 +1,6 @@
 """What is said of one route: its scores, what happened, where the ego was."""
 
 from dataclasses import asdict
-from typing import Any
 
 from shoot.metrics.driving_score.facts import Facts, collect_facts
 from shoot.metrics.driving_score.progress import LITTLE_M
@@ -10,10 +9,9 @@ from shoot.metrics.driving_score.score import SUB_SCORES, DrivingScore, epdms
 from shoot.simulation.route_log import RouteLog
 from shoot.simulation.routes.orders import RouteOrder
 from shoot.simulation.routes.pictures import mishaps_of
+from shoot.simulation.routes.result_files import Row
 from shoot.simulation.routes.scene import FIRST_STEP, RouteScene, scene_of
 from shoot.world.town.town import Town
-
-Row = dict[str, Any]
 
 # A tracked car stops a little short of where the rules do, and is no failure for that.
 COMPLETE_SHARE = 0.95

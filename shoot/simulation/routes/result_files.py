@@ -7,11 +7,15 @@ from typing import Any
 from lss_core.errors import DataError
 from lss_core.files import write_atomically
 from lss_core.strict_json import save_json, without_nan
-from shoot.simulation.routes.orders import RouteOrder
 
 SETTINGS, ROUTES, SUMMARY = "settings.json", "routes", "summary.json"
 
 Row = dict[str, Any]
+
+
+def route_file(folder: Path, route: int) -> Path:
+    """Where the result of a route is, by its number."""
+    return folder / ROUTES / f"route-{route:04d}.json"
 
 
 def settle_settings(folder: Path, card: Row) -> None:
@@ -40,18 +44,6 @@ def write_row(path: Path, row: Row) -> None:
     text = json.dumps(without_nan(row), allow_nan=False, separators=(",", ":")) + "\n"
     with write_atomically(path) as stream:
         stream.write(text.encode())
-
-
-def read_result(path: Path, order: RouteOrder) -> Row:
-    """A route's result.
-
-    Raises:
-        DataError: If the file is not that of this route.
-    """
-    row = read_object(path)
-    if (row.get("town_seed"), row.get("seed")) != (order.town_seed, order.seed):
-        raise DataError(f"'{path}' is not of route {order.index}; take it away, it is driven anew.")
-    return row
 
 
 def read_object(path: Path) -> Row:

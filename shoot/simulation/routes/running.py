@@ -23,8 +23,15 @@ from shoot.simulation.filming.video import import_av
 from shoot.simulation.route_log import Mode
 from shoot.simulation.routes.orders import RouteOrder, route_orders
 from shoot.simulation.routes.pictures import film_of, video_file, write_pictures
-from shoot.simulation.routes.result import Row, failure_of, result_of, score_rules
-from shoot.simulation.routes.result_files import ROUTES, read_result, settle_settings, write_row
+from shoot.simulation.routes.result import failure_of, result_of, score_rules
+from shoot.simulation.routes.result_files import (
+    ROUTES,
+    Row,
+    read_object,
+    route_file,
+    settle_settings,
+    write_row,
+)
 from shoot.simulation.senses import SensorSettings
 from shoot.simulation.simulator import Simulator
 from shoot.world.config import WORLD_FORMAT
@@ -110,15 +117,22 @@ def run_routes(
         with progress("Routes", num, num - still_to_do) as advance:
             for count in run_jobs(job, list(towns.values()), workers, dask, folder):
                 advance(count)
-        return [read_result(folder / ROUTES / order.file_name, order) for order in orders]
+        return [_read(route_file(folder, order.index), order) for order in orders]
+
+
+def _read(path: Path, order: RouteOrder) -> Row:
+    row = read_object(path)
+    if (row.get("town_seed"), row.get("seed")) != (order.town_seed, order.seed):
+        raise DataError(f"'{path}' is not of route {order.index}; take it away, it is driven anew.")
+    return row
 
 
 def _is_done(folder: Path, order: RouteOrder, with_video: bool) -> bool:
     """Whether a route's result is there, and its video if wanted; a failure has no pictures."""
-    path = folder / ROUTES / order.file_name
+    path = route_file(folder, order.index)
     if not path.exists() or not with_video:
         return path.exists()
-    is_failure = read_result(path, order)["error"] is not None
+    is_failure = _read(path, order)["error"] is not None
     return is_failure or video_file(folder, path.stem).exists()
 
 
@@ -129,7 +143,7 @@ def _drive_town(
     with _one_thread():
         town = make_town(orders[0].town_seed)
         for order in orders:
-            path = folder / ROUTES / order.file_name
+            path = route_file(folder, order.index)
             row, film = _drive_route(order, town, settings)
             if film is not None:  # before the result, which says that all is done
                 write_pictures(film, folder, path.stem, with_video)

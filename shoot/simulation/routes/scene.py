@@ -8,6 +8,7 @@ from itertools import islice
 
 import numpy as np
 
+from lss_core.geometry import FloatArray
 from shoot.metrics.driving_score.tracks import Others, Track
 from shoot.simulation.plan import Plan
 from shoot.simulation.route_log import RouteLog
@@ -83,7 +84,7 @@ def _track(log: RouteLog, steps: slice) -> Track:
 def _others(log: RouteLog, town: Town, ego: Track) -> tuple[Others, tuple[str, ...]]:
     low_m, high_m = ego.xy_m.min(axis=0) - _REACH_M, ego.xy_m.max(axis=0) + _REACH_M
 
-    def is_near(xy_m: np.ndarray, reach_m: float) -> bool:
+    def is_near(xy_m: FloatArray, reach_m: float) -> bool:
         return bool(((xy_m > low_m - reach_m) & (xy_m < high_m + reach_m)).all())
 
     things = [one for one in standing_things(town) if is_near(one.xy_m, float(one.size_m.max()))]
