@@ -34,7 +34,7 @@ FACTS: Final = (
     Column("collisions_at_fault", "collisions at fault"),
     Column("red_lights", "red lights run"),
     Column("off_road_m", "off the road, m", decimals=1),
-    Column("against_m", "in no lane of its direction, m", decimals=1),
+    Column("against_m", "in no lane, m", decimals=1),
     Column("off_route_m", "off the route, m", decimals=1),
     Column("progress_m", "progress, m", decimals=0, high_is_good=True),
     Column("stuck_s", "stuck, s", decimals=1),

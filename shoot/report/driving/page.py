@@ -22,8 +22,7 @@ from shoot.report.html.document import document
 from shoot.report.html.markup import Html, element, folded, join, note
 from shoot.report.html.tables import difference_table, method_table
 from shoot.report.html.words import bounds, has_bounds, number
-from shoot.simulation.routes.pictures import strip_file
-from shoot.simulation.routes.result_files import SUMMARY, read_object, route_file
+from shoot.simulation.routes.result_files import SUMMARY, read_object, strip_file
 
 NUM_WORST = 6
 PAGE = "report.html"
@@ -43,8 +42,7 @@ def write_driving_page(
         beside: Folders of other results; those with a summary stand in the same tables.
     """
     files = {
-        row["route"]: strip_file(folder, route_file(folder, row["route"]).stem)
-        for row in worst_routes(rows, NUM_WORST)
+        row["route"]: strip_file(folder, row["route"]) for row in worst_routes(rows, NUM_WORST)
     }
     strips = {route: path.read_bytes() for route, path in files.items() if path.exists()}
     others = {
@@ -122,6 +120,7 @@ def _differences(summary: Row, columns: Sequence[Column], read: Read) -> Html:
 
 
 def _guide(summary: Row) -> Html:
+    settings: Row = summary.get("settings", {})
     meanings = (f"{key.upper()}: {words}" for key, words in WORDS.items())
     return folded(
         "What the columns mean",
@@ -134,9 +133,7 @@ def _guide(summary: Row) -> Html:
             f"{summary.get('num_towns')} towns. A route that could not be driven counts 0. It is "
             "not NAVSIM's own figure: see docs/driving_score.md.",
         ),
-        element(
-            "ul", *(element("li", f"{k}: {v}") for k, v in summary.get("settings", {}).items())
-        ),
+        element("ul", *(element("li", f"{name}: {value}") for name, value in settings.items())),
     )
 
 

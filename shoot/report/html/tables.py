@@ -45,7 +45,7 @@ def difference_table(
     columns: Sequence[Column],
     whose: str = MODEL,
 ) -> Html:
-    """Model (or who else is named) minus each baseline; bold, with a verdict, where the interval excludes zero."""
+    """Model, or who is named, minus each other; bold, with a verdict, if it differs for sure."""
     rows = [
         _row(name, metrics, columns, "method", signed=True) for name, metrics in differences.items()
     ]

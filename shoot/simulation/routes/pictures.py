@@ -9,35 +9,24 @@ from shoot.simulation.filming.mishaps import Mishap, find_mishaps
 from shoot.simulation.filming.strip import strip_jpeg
 from shoot.simulation.filming.video import write_video
 from shoot.simulation.route_log import RouteLog
+from shoot.simulation.routes.result_files import strip_file, video_file
 from shoot.simulation.routes.scene import FIRST_STEP, RouteScene, scene_of
 from shoot.world.town.town import Town
 
-STRIPS, VIDEOS = "strips", "videos"
 
-
-def strip_file(folder: Path, stem: str) -> Path:
-    """Where a route's filmstrip is in a folder of results; `stem`: of its result's name."""
-    return folder / STRIPS / f"{stem}.jpg"
-
-
-def video_file(folder: Path, stem: str) -> Path:
-    """Where a route's video is; `stem`: of its result's name."""
-    return folder / VIDEOS / f"{stem}.mp4"
-
-
-def write_pictures(film: Film, folder: Path, stem: str, with_video: bool) -> None:
+def write_pictures(film: Film, folder: Path, route: int, with_video: bool) -> None:
     """Write a route's filmstrip, and its video if asked for.
 
     Args:
         film: The route.
         folder: Of results.
-        stem: Of the result's name, without its ending.
+        route: Its number.
         with_video: Whether a video is wanted, too.
     """
-    with write_atomically(strip_file(folder, stem)) as stream:
+    with write_atomically(strip_file(folder, route)) as stream:
         stream.write(strip_jpeg(film))
     if with_video:
-        write_video(draw_frames(film), video_file(folder, stem))
+        write_video(draw_frames(film), video_file(folder, route))
 
 
 def film_of(log: RouteLog, town: Town, views: tuple[Views, ...] = (), driver: str = "") -> Film:

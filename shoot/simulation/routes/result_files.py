@@ -1,4 +1,4 @@
-"""The folder of results: its settings, one file a route."""
+"""The folder of results: its settings, one file a route, and pictures of it."""
 
 import json
 from pathlib import Path
@@ -9,6 +9,7 @@ from lss_core.files import write_atomically
 from lss_core.strict_json import save_json, without_nan
 
 SETTINGS, ROUTES, SUMMARY = "settings.json", "routes", "summary.json"
+STRIPS, VIDEOS = "strips", "videos"
 
 Row = dict[str, Any]
 
@@ -16,6 +17,16 @@ Row = dict[str, Any]
 def route_file(folder: Path, route: int) -> Path:
     """Where the result of a route is, by its number."""
     return folder / ROUTES / f"route-{route:04d}.json"
+
+
+def strip_file(folder: Path, route: int) -> Path:
+    """Where its filmstrip is."""
+    return folder / STRIPS / f"route-{route:04d}.jpg"
+
+
+def video_file(folder: Path, route: int) -> Path:
+    """Where its video is, if it has one."""
+    return folder / VIDEOS / f"route-{route:04d}.mp4"
 
 
 def settle_settings(folder: Path, card: Row) -> None:

@@ -22,7 +22,7 @@ from shoot.simulation.filming.film import Film, Reel
 from shoot.simulation.filming.video import import_av
 from shoot.simulation.route_log import Mode
 from shoot.simulation.routes.orders import RouteOrder, route_orders
-from shoot.simulation.routes.pictures import film_of, video_file, write_pictures
+from shoot.simulation.routes.pictures import film_of, write_pictures
 from shoot.simulation.routes.result import failure_of, result_of, score_rules
 from shoot.simulation.routes.result_files import (
     ROUTES,
@@ -30,6 +30,7 @@ from shoot.simulation.routes.result_files import (
     read_object,
     route_file,
     settle_settings,
+    video_file,
     write_row,
 )
 from shoot.simulation.senses import SensorSettings
@@ -133,7 +134,7 @@ def _is_done(folder: Path, order: RouteOrder, with_video: bool) -> bool:
     if not path.exists() or not with_video:
         return path.exists()
     is_failure = _read(path, order)["error"] is not None
-    return is_failure or video_file(folder, path.stem).exists()
+    return is_failure or video_file(folder, order.index).exists()
 
 
 def _drive_town(
@@ -143,11 +144,10 @@ def _drive_town(
     with _one_thread():
         town = make_town(orders[0].town_seed)
         for order in orders:
-            path = route_file(folder, order.index)
             row, film = _drive_route(order, town, settings)
             if film is not None:  # before the result, which says that all is done
-                write_pictures(film, folder, path.stem, with_video)
-            write_row(path, row)
+                write_pictures(film, folder, order.index, with_video)
+            write_row(route_file(folder, order.index), row)
     return len(orders)
 
 
