@@ -25,6 +25,7 @@ class EgoTrack:
         speed_mps: [T].
         accel_mps2: [T] in the step that led there.
         steering_rad: [T] positive to the left.
+        route_at_m: [T] how far along its route.
     """
 
     xy_m: FloatArray
@@ -32,6 +33,7 @@ class EgoTrack:
     speed_mps: FloatArray
     accel_mps2: FloatArray
     steering_rad: FloatArray
+    route_at_m: FloatArray
 
 
 @dataclass(frozen=True)
@@ -108,13 +110,21 @@ class Diary:
         self._cast = cast
         self._route_lanes = route_lanes
         self._states: list[VehicleState] = []
+        self._route_at_m: list[float] = []
         self._bodies: list[Bodies] = []
         self._signals: list[NDArray[np.int64]] = []
         self._plans: list[tuple[float, Plan]] = []
 
-    def note(self, state: VehicleState, bodies: Bodies, signals: NDArray[np.int64]) -> None:
+    def note(
+        self,
+        state: VehicleState,
+        route_at_m: float,
+        bodies: Bodies,
+        signals: NDArray[np.int64],
+    ) -> None:
         """The next moment."""
         self._states.append(state)
+        self._route_at_m.append(route_at_m)
         self._bodies.append(bodies)
         self._signals.append(signals)
 
@@ -133,6 +143,7 @@ class Diary:
                 np.array([s.speed_mps for s in states]),
                 np.array([s.accel_mps2 for s in states]),
                 np.array([s.steering_rad for s in states]),
+                np.array(self._route_at_m),
             ),
             agents=AgentTracks(
                 np.stack([b.xy_m for b in bodies], axis=1),

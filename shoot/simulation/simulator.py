@@ -7,7 +7,7 @@ import numpy as np
 from shoot.footprint import turn
 from shoot.simulation.observation import Observation, Sights, World
 from shoot.simulation.plan import Plan
-from shoot.simulation.progress import first_place, next_place
+from shoot.simulation.progress import next_place
 from shoot.simulation.route_log import Diary, Mode, RouteLog
 from shoot.simulation.senses import Senses, SensorSettings
 from shoot.simulation.tracker import follow
@@ -74,7 +74,7 @@ class Simulator:
         self._diary = Diary(self.town.seed, self.seed, self.mode, traffic.cast, traffic.route.lanes)
         self._step = 0
         self._state = _state_after(traffic.ego, traffic.ego)
-        self._route_at_m = first_place(traffic.route, self._state)
+        self._route_at_m = next_place(traffic.route, self._state, traffic.route_at_m)
         self._note()
         self._drive_by_rules(round(WARM_UP_S / PHYSICS_S))
         return self._observe()
@@ -124,7 +124,8 @@ class Simulator:
 
     def _note(self) -> None:
         traffic = self._traffic
-        self._diary.note(self._state, traffic.bodies, traffic.plan.states(self.time_s))
+        signals = traffic.plan.states(self.time_s)
+        self._diary.note(self._state, self._route_at_m, traffic.bodies, signals)
 
     def _observe(self) -> Observation:
         log = self._diary.log()

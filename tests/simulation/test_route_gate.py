@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shoot.simulation.progress import first_place, next_place
+from shoot.simulation.progress import next_place
 from shoot.simulation.route_gate import on_route, pass_gate
 from shoot.simulation.vehicle import VehicleState
 from shoot.world.town.roads import make_town
@@ -39,10 +39,15 @@ def before_the_end(lane: Lane) -> VehicleState:
     return VehicleState(float(x), float(y), float(np.arctan2(ahead_y - y, ahead_x - x)), 5.0)
 
 
+def place_on(route: Route, state: VehicleState) -> float:
+    """Before the end of its first lane."""
+    return next_place(route, state, route.starts_m[1] - 8.0)
+
+
 def along(town: Town, lane: Lane, path: Lane, state: VehicleState) -> np.ndarray:
     """[20, 2] a path in `ego` 1.2 m apart along lane and path and on."""
     route = route_over(town, lane, path)
-    start_m = first_place(route, state)
+    start_m = place_on(route, state)
     xy_m, _ = route.pose(start_m + 1.2 * np.arange(1, 21))
     away = xy_m - [state.x_m, state.y_m]
     cos, sin = np.cos(state.yaw_rad), np.sin(state.yaw_rad)
@@ -55,7 +60,7 @@ def test_templates_of_other_ways_are_masked(town: Town) -> None:
     ways = np.stack([along(town, lane, path, state) for path in paths])
     for i, path in enumerate(paths):
         route = route_over(town, lane, path)
-        stays = on_route(ways, state, town, route, first_place(route, state))
+        stays = on_route(ways, state, town, route, place_on(route, state))
         assert stays.tolist() == [j == i for j in range(len(paths))]
 
 
@@ -68,7 +73,7 @@ def test_how_far_off_a_lane_is_off(town: Town) -> None:
     half_m = lane.width_m / 2
     for side in (-1.0, 1.0):
         beside = np.stack([ahead + np.array([0.0, side * d]) for d in (half_m - 0.2, half_m + 0.2)])
-        stays = on_route(beside, state, town, route, first_place(route, state))
+        stays = on_route(beside, state, town, route, place_on(route, state))
         assert stays.tolist() == [True, False]
 
 
@@ -83,7 +88,7 @@ def test_a_neighbour_in_the_same_direction_is_allowed_and_the_other_direction_no
     route = route_over(town, lane, path)
     ahead = np.stack([0.3 * np.arange(1, 21), np.zeros(20)], axis=1)
     changes = np.stack([ahead + np.array([0.0, k * lane.width_m]) for k in (-1.0, 0.0, 1.0, 2.0)])
-    stays = on_route(changes, state, town, route, first_place(route, state))
+    stays = on_route(changes, state, town, route, place_on(route, state))
     assert stays.tolist() == [False, True, True, False]
 
 
@@ -108,7 +113,7 @@ def test_where_a_route_comes_by_again_the_place_is_that_of_this_time(town: Town)
     assert lanes[-1] is lane
     route = follow_lanes(lanes, 1.0)
     state = before_the_end(lane)
-    first_m = first_place(route, state)
+    first_m = place_on(route, state)
     second_m = first_m + route.starts_m[-2]
     assert first_m < route.starts_m[1]
     assert next_place(route, state, first_m - 1.0) == first_m

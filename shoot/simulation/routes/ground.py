@@ -11,9 +11,7 @@ from lss_core.geometry import FloatArray, direction_of
 from shoot.metrics.driving_score.road import moves
 from shoot.metrics.driving_score.surroundings import Lanes, Lights, Surroundings, locate
 from shoot.metrics.driving_score.tracks import Track
-from shoot.simulation.progress import first_place, next_place
 from shoot.simulation.route_lanes import ground_of, lanes_of_route
-from shoot.simulation.vehicle import VehicleState
 from shoot.world.town.town import Lane, Town
 from shoot.world.traffic.driver import ROUTE_STEP_M, follow_lanes
 from shoot.world.traffic.recording import RED
@@ -51,7 +49,7 @@ class Ground:
 def ground_of_route(
     town: Town,
     route_lanes: tuple[int, ...],
-    start: VehicleState,
+    route_at_m: FloatArray,
     ego: Track,
     signal_state: NDArray[np.int64],
 ) -> Ground:
@@ -60,11 +58,11 @@ def ground_of_route(
     Args:
         town: Where.
         route_lanes: Lanes and paths of the route, in order.
-        start: Where the ego was at first, on its route.
-        ego: Where it was then.
+        route_at_m: [T] how far along the route the ego was.
+        ego: Its track at the same steps.
         signal_state: [T, signals] at the steps of the track.
     """
-    places, route_m = _part_of_route(town, route_lanes, start, ego)
+    places, route_m = _part_of_route(town, route_lanes, route_at_m)
     on_route = lanes_of_route(town, route_lanes, places)
     lanes = Lanes(
         tuple(lane.centreline_m for lane in town.lanes),
@@ -82,15 +80,11 @@ def ground_of_route(
 
 
 def _part_of_route(
-    town: Town, route_lanes: tuple[int, ...], start: VehicleState, ego: Track
+    town: Town, route_lanes: tuple[int, ...], route_at_m: FloatArray
 ) -> tuple[list[int], FloatArray]:
     """(places of lanes in the route, [R, 2] centre line) of what of it could be reached."""
     route = follow_lanes([town.lanes[i] for i in route_lanes], pace=1.0)
-    at_m = first_m = farthest_m = first_place(route, start)
-    for (x_m, y_m), yaw_rad in zip(ego.xy_m, ego.yaw_rad, strict=True):
-        at_m = next_place(route, VehicleState(x_m, y_m, yaw_rad, 0.0), at_m)
-        farthest_m = max(farthest_m, at_m)
-    low_m, high_m = first_m - _BEHIND_M, farthest_m + _BEYOND_M
+    low_m, high_m = route_at_m.min() - _BEHIND_M, route_at_m.max() + _BEYOND_M
     starts_m = np.array(route.starts_m)
     places = np.flatnonzero((starts_m[1:] > low_m) & (starts_m[:-1] < high_m))
     points_m = np.arange(len(route.xy_m)) * ROUTE_STEP_M

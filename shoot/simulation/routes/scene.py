@@ -69,7 +69,11 @@ def scene_of(log: RouteLog, town: Town) -> RouteScene:
         others=others,
         names=names,
         ground=ground_of_route(
-            town, log.route_lanes, _state(log, 0), ego, log.signal_state[FIRST_STEP:]
+            town,
+            log.route_lanes,
+            log.ego.route_at_m[FIRST_STEP:],
+            ego,
+            log.signal_state[FIRST_STEP:],
         ),
         history=_track(log, slice(FIRST_STEP - HISTORY_STEPS, FIRST_STEP)),
         plans=tuple(_roll_out(log, time_s, plan) for time_s, plan in log.plans),

@@ -78,6 +78,11 @@ class LiveTraffic:
         return self._traffic.body
 
     @property
+    def route_at_m(self) -> float:
+        """How far along its route the ego is; where it left it, if it has."""
+        return self._traffic.ego.at_m
+
+    @property
     def bodies(self) -> Bodies:
         """Where all others are."""
         return _bodies_of(*(self._recorded or self._traffic).others())
