@@ -52,7 +52,7 @@ class Canvas:
 
     def __init__(self, rgb: Rgb) -> None:
         self._rgb = np.ascontiguousarray(rgb).copy()
-        self._texts: list[tuple[float, float, str, int, str, bool, str]] = []
+        self._texts: list[tuple[float | int, float | int, str, int, str, bool, str]] = []
 
     @classmethod
     def blank(cls, width_px: int, height_px: int, background: str) -> "Canvas":
@@ -98,8 +98,8 @@ class Canvas:
 
     def text(
         self,
-        x: float,
-        y: float,
+        x: float | int,
+        y: float | int,
         text: str,
         size_px: int,
         ink: str,
