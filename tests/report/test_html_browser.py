@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 from html_fixture import HOSTILE, hostile_page, make_card, make_report
 from playwright.sync_api import Browser, Dialog, Page, Playwright, Request, sync_playwright
+from routes_page_case import hostile_routes_page
 
 from shoot.report.html import PageDetails, render_page, write_page
-from shoot.report.html.page import POLICY
+from shoot.report.html.document import POLICY
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 # Nobody listens there; asking is seen all the same.
@@ -145,3 +146,21 @@ def test_hostile_texts_are_harmless_even_without_the_policy(
         counts.append(seen.page.evaluate("document.querySelectorAll('*').length"))
         assert seen.page.evaluate("document.documentElement.scrollWidth") <= 1200
     assert counts[0] == counts[1] > 500
+
+
+@pytest.mark.parametrize("width_px", [1200, 320])
+def test_the_page_of_driven_routes_asks_for_nothing_and_fits(
+    browser: Browser, tmp_path: Path, width_px: int
+) -> None:
+    path = tmp_path / "report.html"
+    counts = []
+    for word in ("harmless", " ".join(HOSTILE)):
+        path.write_text(hostile_routes_page(word), encoding="utf-8")
+        seen = visit(browser, path.as_uri(), width_px)
+        assert seen.requests == [path.as_uri()]
+        assert seen.complaints == []
+        assert seen.page.evaluate("document.documentElement.scrollWidth") <= width_px
+        assert seen.page.evaluate("[...document.images].every(i => i.naturalWidth > 0)")
+        assert seen.page.evaluate("document.images.length") == 1
+        counts.append(seen.page.evaluate("document.querySelectorAll('*').length"))
+    assert counts[0] == counts[1] > 100
