@@ -16,7 +16,7 @@ from shoot.simulation.route_log import Mode
 from shoot.simulation.routes.result_files import SUMMARY
 from shoot.simulation.routes.running import RouteSettings, run_routes
 from shoot.simulation.routes.summary import Summary, sum_up
-from shoot.world.config import ImageScale
+from shoot.world.config import IMAGE_SCALES
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class SimulateConfig:
     choose: Choose = "most_probable"
     route_gate: bool = True
     duration_s: Annotated[float, Bounds(4.0, 60.0)] = 20.0
-    image_scale: ImageScale | None = None
+    image_scale: Annotated[float | None, Bounds(*IMAGE_SCALES)] = None
     beside: tuple[Path, ...] = ()
     video: bool = False
 

@@ -15,7 +15,8 @@ CARD = "world.json"
 WORLD_FORMAT = 3
 # As many as the official splits name.
 MAX_TRAIN_SCENES, MAX_VAL_SCENES = 700, 150
-ImageScale = Annotated[float, Bounds(0.05, 1.0)]
+IMAGE_SCALES = 0.05, 1.0
+ImageScale = Annotated[float, Bounds(*IMAGE_SCALES)]
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from shoot.cli.demo import DemoConfig
 from shoot.cli.evaluate import EvaluateConfig
 from shoot.cli.fit_templates import DataSource, FitTemplatesConfig
 from shoot.cli.render import RenderConfig
+from shoot.cli.simulate import SimulateConfig
 from shoot.planner import PlannerConfig
 from shoot.training.config import OptimConfig
 from shoot.training.planning.config import DEMO, PAPER, PRESETS, TrainConfig
@@ -96,6 +97,13 @@ IMPOSSIBLE: dict[type, dict[str, tuple[Any, ...]]] = {
         "dt_s": (*LENGTH, 11.0, 1e-9, 0.3),
     },
     RenderConfig: {"num": COUNT},
+    SimulateConfig: {
+        "routes": COUNT,
+        "seed": SEED,
+        "workers": COUNT,
+        "duration_s": (0.0, 3.0, 90.0, NAN),
+        "image_scale": (0.0, 2.0, NAN),
+    },
     MakeWorldConfig: {
         "train_scenes": (-1, 701),
         "val_scenes": (-1, 151),
@@ -135,6 +143,8 @@ IMPOSSIBLE_OTHERS: list[tuple[type, str, Any]] = [
     (FitTemplatesConfig, "vocabulary", ""),
     (FitTemplatesConfig, "export", ""),
     (RenderConfig, "token", ""),
+    (SimulateConfig, "run", ""),
+    (SimulateConfig, "dask", ""),
     (EvaluateConfig, "html", ""),
     (CheckConfig, "out", ""),
     (CheckedData, "cameras", ("CAM_FRONT", "CAM_FRONT")),
@@ -158,6 +168,7 @@ COMMANDS = (
     CheckConfig,
     MakeWorldConfig,
     DemoConfig,
+    SimulateConfig,
 )
 
 

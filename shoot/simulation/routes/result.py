@@ -151,5 +151,5 @@ def _track(log: RouteLog) -> Row:
     }
 
 
-def _rounded(value: float) -> float:
+def _rounded(value: float | int) -> float | int:
     return value if isinstance(value, int) else round(float(value), _MM)
