@@ -12,7 +12,7 @@ from shoot.simulation.routes.running import RouteSettings, run_routes
 from shoot.simulation.routes.summary import sum_up
 from shoot.simulation.senses import SensorSettings
 
-SETTINGS = RouteSettings(DriverSettings("still"), SensorSettings(), "replay", 1, 4.0)
+SETTINGS = RouteSettings(DriverSettings("still"), SensorSettings(), "replay", 1, 2.5)
 
 
 def test_a_route_leaves_a_strip_and_a_video_when_asked_for(tmp_path: Path) -> None:
