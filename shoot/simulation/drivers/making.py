@@ -94,17 +94,23 @@ def car_of(settings: DriverSettings, image_scale: float | None = None) -> Sensor
         image_scale: Another size of the images; None: that of the run's data, if these are a world
             and still where they were, else `USUAL_IMAGE_SCALE`.
     """
-    world: dict[str, Any] = {}
-    if settings.name == "run" and settings.run is not None:
-        root = Path(PlanningRun(Path(settings.run)).config().data.root)
-        if (root / CARD).is_file():
-            world = json.loads((root / CARD).read_text(encoding="utf-8"))
+    world = {} if settings.run is None else _card_of_world(Path(settings.run))
     scale = image_scale or world.get("image_scale", USUAL_IMAGE_SCALE)
     return SensorSettings(
         rig=world.get("rig", "nuscenes"),
         image_scale=scale,
         lidar_azimuths=world.get("lidar_azimuths") or azimuths_for(scale),
     )
+
+
+def _card_of_world(run: Path) -> dict[str, Any]:
+    """How the world was made that a run was trained on; empty if its data are no world, or gone."""
+    path = Path(PlanningRun(run).config().data.root) / CARD
+    try:
+        card = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return card if isinstance(card, dict) else {}
 
 
 @lru_cache(maxsize=1)

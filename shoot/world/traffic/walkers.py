@@ -60,7 +60,9 @@ class Walker:
     length_m: float = field(init=False)
 
     def __post_init__(self) -> None:
-        self.length_m = float(arc_lengths(self.path_m)[-1])
+        self._s_m = arc_lengths(self.path_m)
+        self._sides_m = np.diff(self.path_m, axis=0)
+        self.length_m = float(self._s_m[-1])
 
     def size_m(self) -> FloatArray:
         """[3] length, width, height of the box."""
@@ -73,10 +75,10 @@ class Walker:
 
     def points(self, at_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """([T, 2] points, [T, 2] the sides of the path that they lie on) at [T] arc lengths."""
-        s_m = arc_lengths(self.path_m)
+        s_m = self._s_m
         xy_m = np.stack([np.interp(at_m, s_m, self.path_m[:, i]) for i in (0, 1)], axis=1)
         side = np.clip(np.searchsorted(s_m, at_m, side="right") - 1, 0, len(s_m) - 2)
-        return xy_m, np.diff(self.path_m, axis=0)[side]
+        return xy_m, self._sides_m[side]
 
 
 def crosswalk_signals(town: Town) -> dict[int, int]:
