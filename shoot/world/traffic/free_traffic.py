@@ -9,17 +9,25 @@ import numpy as np
 from shoot.world.town.town import Town
 from shoot.world.traffic.bodies import EgoBody
 from shoot.world.traffic.cars import Car
-from shoot.world.traffic.driver import HARD_BRAKE_MPS2
+from shoot.world.traffic.driver import HARD_BRAKE_MPS2, can_stop
 from shoot.world.traffic.junctions import SignalPlan
 from shoot.world.traffic.obstacle import gap_ahead, occupied_paths, threatened_crosswalks
 from shoot.world.traffic.route_place import RoutePlace, find_place
-from shoot.world.traffic.traffic import SIGHT_M, STEP_S, StateArray, Traffic
+from shoot.world.traffic.traffic import (
+    CROSSWALK_ROOM_M,
+    SIGHT_M,
+    STEP_S,
+    StateArray,
+    Traffic,
+)
 from shoot.world.traffic.walkers import Pavements, Walker
 
 # So far off the middle of its lane, or turned so far, the ego may reach into another's way.
 ASIDE_M, ASIDE_RAD = 0.4, 0.15
 OVER_LINE_M = 0.2
 STANDS_MPS, STANDS_LONG_S = 0.1, 8.0
+# As hard as the rules ever brake.
+FULL_BRAKE_MPS2 = 7.0
 
 
 class FreeTraffic(Traffic):
@@ -45,6 +53,7 @@ class FreeTraffic(Traffic):
         self.body = _body_of(ego)
         self._place: RoutePlace | None = RoutePlace(ego.at_m, 0.0, 0.0)
         self._stood_s = 0.0
+        self._is_driven = False
         self._obstacle: EgoBody | None = None
         self._occupied: frozenset[int] = frozenset()
 
@@ -95,6 +104,7 @@ class FreeTraffic(Traffic):
         """
         self.advance()
         self._pavements.ego = ego
+        self._is_driven |= ego is not None
         if ego is not None:
             self._put(ego)
         elif self._place is not None:
@@ -173,6 +183,32 @@ class FreeTraffic(Traffic):
         if self._obstacle is not None:
             safe |= dict.fromkeys(threatened_crosswalks(self._obstacle, self._town), False)
         return safe
+
+    def _decide(self, car: Car) -> float:
+        accel = super()._decide(car)
+        if car is self.ego and self._is_driven:
+            return min(accel, self._stop_late(car))
+        return accel
+
+    def _stop_late(self, car: Car) -> float:
+        """Acceleration before people for whom the rules no longer stop, but brakes still can.
+
+        By the rules cars stop at a line before a crosswalk, or drive on if they cannot. Their own
+        way of braking always can; a car that was driven otherwise may come a little too far.
+        """
+        for near_m, crosswalk, lane in car.crossings:
+            line_m = near_m - CROSSWALK_ROOM_M - car.at_m - car.front_m
+            room_m = line_m + CROSSWALK_ROOM_M / 2
+            if room_m > SIGHT_M:
+                break
+            is_late = not can_stop(car.speed_mps, line_m, HARD_BRAKE_MPS2)
+            if (
+                is_late
+                and can_stop(car.speed_mps, room_m, FULL_BRAKE_MPS2)
+                and self._pavements.is_blocked(lane, crosswalk)
+            ):
+                return -(car.speed_mps**2) / (2 * room_m)
+        return np.inf
 
     def _leads(self, car: Car) -> list[tuple[float, float]]:
         leads = super()._leads(car)
