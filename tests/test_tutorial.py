@@ -60,7 +60,7 @@ def shown(notebook: NotebookNode) -> dict[str, list[list[str]]]:
     return kinds
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_every_cell_runs_and_shows_what_is_kept(script: Any, kept: NotebookNode) -> None:
     assert shown(script.run_cells(TUTORIAL)) == shown(kept)
 

@@ -30,7 +30,7 @@ def is_training(pid: int) -> bool:
     ("way", "more"),
     [
         ("a loader process", ["--num-workers", "2"]),
-        ("a process of --devices 2", ["--devices", "2"]),
+        pytest.param("a process of --devices 2", ["--devices", "2"], marks=pytest.mark.full),
         pytest.param("a process of torchrun", [], marks=pytest.mark.full),
     ],
 )

@@ -63,7 +63,6 @@ def test_templates(tiny_run: TinyRun, tmp_path: Path) -> None:
     assert digests(tmp_path / "other") != first
 
 
-@pytest.mark.trains
 def test_trainings(tiny_run: TinyRun, tmp_path: Path) -> None:
     for name, seed in (("first", 5), ("second", 5), ("other", 6)):
         flags = train_flags(tiny_run.root, tiny_run.templates, tmp_path / name, 8, 4)

@@ -4,7 +4,10 @@ import subprocess
 import sys
 import textwrap
 
+import pytest
 
+
+@pytest.mark.full
 def test_modules_are_imported_where_ndarray_is_a_type_alias() -> None:
     # As numpy 2.5 has it. jaxtyping takes classes, and their generics: `np.ndarray[...]`.
     code = """

@@ -17,8 +17,6 @@ from lss_core.sync_batchnorm import (
     share_statistics,
 )
 
-pytestmark = pytest.mark.trains
-
 SHARES = (3, 1)  # samples of each process
 CHANNELS = 5
 PATIENCE_S = 120

@@ -115,7 +115,7 @@ def test_from_images_to_scores_no_host_would_wait_for_a_gpu(
         torch.testing.assert_close(scores, expected[one], rtol=1e-4, atol=1e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_compiled_gives_the_same_scores_and_says_what_it_cost(
     trained: TrainedRun, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -64,7 +64,7 @@ def marked_page(table: Any, root: Path, inside: str) -> Path:
     return page
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_runs_are_trained_evaluated_compared_and_shipped(
     table: Any, monkeypatch: pytest.MonkeyPatch, place: Any, tmp_path: Path
 ) -> None:
@@ -126,7 +126,7 @@ def test_a_record_alone_tells_that_a_run_is_done(table: Any, place: Any, tmp_pat
     assert cells[3].startswith("55.0 (50.0 to 60.0) [")
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_what_ends_the_queue_ends_its_runs_with_a_checkpoint(place: Any) -> None:
     code = (
         "import signal, sys\n"

@@ -14,8 +14,6 @@ from world_fixture import TinyRun, command, train_flags
 from shoot.training.metrics_file import read_metrics
 from shoot.training.module import TaskModule
 
-pytestmark = pytest.mark.trains
-
 STEPS, EVERY = 6, 3
 
 

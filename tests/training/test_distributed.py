@@ -190,9 +190,11 @@ def train_curve(way: str, tiny_run: TinyRun, folder: Path) -> list[dict[str, str
 @pytest.mark.parametrize(
     "way",
     [
-        "devices",
         "as torchrun",
-        *(pytest.param(way, marks=pytest.mark.full) for way in ("torchrun", "two agents")),
+        *(
+            pytest.param(way, marks=pytest.mark.full)
+            for way in ("devices", "torchrun", "two agents")
+        ),
     ],
 )
 def test_the_loss_curve_does_not_depend_on_processes(
@@ -244,9 +246,8 @@ def test_two_processes_leave_one_record(tiny_run: TinyRun, tmp_path: Path) -> No
             assert torch.equal(weights[name], value), name
 
 
-@pytest.mark.parametrize(
-    "sample", [pytest.param("scene-0003-00", marks=pytest.mark.full), "scene-0003-01"]
-)
+@pytest.mark.full
+@pytest.mark.parametrize("sample", ["scene-0003-00", "scene-0003-01"])
 def test_one_sentence_for_all_processes(sample: str, tiny_run: TinyRun, tmp_path: Path) -> None:
     # The first sample is validated by the first process, the second one by the other.
     root = tmp_path / "data"

@@ -7,8 +7,6 @@ from shoot.training import precision
 from shoot.training.planning.run_folder import PlanningRun
 from shoot.training.precision import fastest_precision
 
-pytestmark = pytest.mark.trains
-
 
 def machine(monkeypatch: pytest.MonkeyPatch, bfloat16_s: float) -> None:
     """One that takes 1 s in float32."""

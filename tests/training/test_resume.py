@@ -11,7 +11,6 @@ from resumption import EVERY, STEPS, assert_same_run, checkpoint, metrics, wait_
 from world_fixture import TinyRun, command, start_command, train_flags
 
 
-@pytest.mark.trains
 @pytest.mark.parametrize("num_workers", [0, 1])
 def test_killed_run_ends_as_an_undisturbed_one(
     num_workers: int, tiny_run: TinyRun, undisturbed: Path, tmp_path: Path

@@ -32,6 +32,7 @@ def straight_on(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.full
 def test_two_workers_write_what_one_does(straight_on: Path, tmp_path: Path) -> None:
     flags = ("--driver", "constant_velocity", "--routes", 3, "--workers", 2)
     simulate(tmp_path / "log", *flags, "--out", tmp_path / "out")
