@@ -3,15 +3,13 @@
 from pathlib import Path
 
 from lss_core.files import write_atomically
-from shoot.simulation.filming.film import Film, Views
+from shoot.simulation.filming.film import Film
 from shoot.simulation.filming.frames import draw_frames
 from shoot.simulation.filming.mishaps import Mishap, find_mishaps
 from shoot.simulation.filming.strip import strip_jpeg
 from shoot.simulation.filming.video import write_video
-from shoot.simulation.route_log import RouteLog
 from shoot.simulation.routes.result_files import strip_file, video_file
-from shoot.simulation.routes.scene import FIRST_STEP, RouteScene, scene_of
-from shoot.world.town.town import Town
+from shoot.simulation.routes.scene import FIRST_STEP, RouteScene
 
 
 def write_pictures(film: Film, folder: Path, route: int, with_video: bool) -> None:
@@ -27,18 +25,6 @@ def write_pictures(film: Film, folder: Path, route: int, with_video: bool) -> No
         stream.write(strip_jpeg(film))
     if with_video:
         write_video(draw_frames(film), video_file(folder, route))
-
-
-def film_of(log: RouteLog, town: Town, views: tuple[Views, ...] = (), driver: str = "") -> Film:
-    """A whole route, to be shown.
-
-    Args:
-        log: What happened.
-        town: Its town.
-        views: What cameras saw at each plan, see `Reel`; empty if nothing.
-        driver: Who drove, in words.
-    """
-    return Film(town, log, views, driver, mishaps_of(scene_of(log, town)))
 
 
 def mishaps_of(scene: RouteScene) -> tuple[Mishap, ...]:

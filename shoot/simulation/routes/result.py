@@ -6,9 +6,9 @@ from shoot.metrics.driving_score.facts import Facts, collect_facts
 from shoot.metrics.driving_score.progress import LITTLE_M
 from shoot.metrics.driving_score.route_scores import Bench2Drive, bench2drive
 from shoot.metrics.driving_score.score import SUB_SCORES, DrivingScore, epdms
+from shoot.simulation.filming.mishaps import Mishap
 from shoot.simulation.route_log import RouteLog
 from shoot.simulation.routes.orders import RouteOrder
-from shoot.simulation.routes.pictures import mishaps_of
 from shoot.simulation.routes.result_files import Row
 from shoot.simulation.routes.scene import FIRST_STEP, RouteScene, scene_of
 from shoot.world.town.town import Town
@@ -30,7 +30,13 @@ def score_rules(log: RouteLog, town: Town) -> float:
     return score.counted_progress_m
 
 
-def result_of(order: RouteOrder, log: RouteLog, town: Town, reference_m: float) -> Row:
+def result_of(
+    order: RouteOrder,
+    log: RouteLog,
+    scene: RouteScene,
+    mishaps: tuple[Mishap, ...],
+    reference_m: float,
+) -> Row:
     """All that is kept of a route, as JSON has it.
 
     Scores and facts begin at the hand-over; times and the ego's track at the route's own begin.
@@ -38,10 +44,10 @@ def result_of(order: RouteOrder, log: RouteLog, town: Town, reference_m: float) 
     Args:
         order: The route.
         log: What happened.
-        town: Its town.
+        scene: The same, to be scored.
+        mishaps: What went wrong.
         reference_m: See `score_rules`.
     """
-    scene = scene_of(log, town)
     lawful, strict = (
         epdms(
             scene.ego,
@@ -63,7 +69,7 @@ def result_of(order: RouteOrder, log: RouteLog, town: Town, reference_m: float) 
         "bench2drive": {"score": driven.score, "success": float(driven.is_success)},
         "facts": _facts(scene, facts, log, reference_m),
         "contacts": _contacts(scene, facts),
-        "mishaps": _mishaps(scene),
+        "mishaps": _mishaps(mishaps),
         "ego": _track(log),
         "plans": {
             "time_s": [time_s for time_s, _ in log.plans],
@@ -133,11 +139,11 @@ def _contacts(scene: RouteScene, facts: Facts) -> list[Row]:
     ]
 
 
-def _mishaps(scene: RouteScene) -> list[Row]:
+def _mishaps(mishaps: tuple[Mishap, ...]) -> list[Row]:
     """What went wrong, in words."""
     return [
         {"time_s": one.time_s, "what": one.words, "at_m": one.xy_m.round(_MM).tolist()}
-        for one in mishaps_of(scene)
+        for one in mishaps
     ]
 
 

@@ -22,7 +22,7 @@ from shoot.simulation.filming.film import Film, Reel
 from shoot.simulation.filming.video import import_av
 from shoot.simulation.route_log import Mode
 from shoot.simulation.routes.orders import RouteOrder, route_orders
-from shoot.simulation.routes.pictures import film_of, write_pictures
+from shoot.simulation.routes.pictures import mishaps_of, write_pictures
 from shoot.simulation.routes.result import failure_of, result_of, score_rules
 from shoot.simulation.routes.result_files import (
     ROUTES,
@@ -33,6 +33,7 @@ from shoot.simulation.routes.result_files import (
     video_file,
     write_row,
 )
+from shoot.simulation.routes.scene import scene_of
 from shoot.simulation.senses import SensorSettings
 from shoot.simulation.simulator import Simulator
 from shoot.world.config import WORLD_FORMAT
@@ -161,8 +162,10 @@ def _drive_route(order: RouteOrder, town: Town, settings: RouteSettings) -> tupl
         reference_m = score_rules(by_rules.finish_by_rules(), town)
         reel = Reel()
         log = drive(driver, town, order.seed, mode, settings.car, duration_s, reel.keep)
-        film = film_of(log, town, reel.views if driver.cameras else (), driver.name)
-        return result_of(order, log, town, reference_m), film
+        scene = scene_of(log, town)
+        mishaps = mishaps_of(scene)
+        film = Film(town, log, reel.views if driver.cameras else (), driver.name, mishaps)
+        return result_of(order, log, scene, mishaps, reference_m), film
     except (OSError, MemoryError):  # of the machine, not of the driver
         raise
     except DataError as error:

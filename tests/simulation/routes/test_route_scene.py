@@ -13,6 +13,7 @@ from shoot.simulation.drivers.driver import drive
 from shoot.simulation.drivers.simple import ConstantVelocityDriver
 from shoot.simulation.route_log import RouteLog
 from shoot.simulation.routes.orders import RouteOrder, route_orders
+from shoot.simulation.routes.pictures import mishaps_of
 from shoot.simulation.routes.result import result_of, score_rules
 from shoot.simulation.routes.scene import FIRST_STEP, RouteScene, scene_of
 from shoot.simulation.senses import SensorSettings
@@ -148,8 +149,8 @@ def test_a_plan_that_is_followed_is_the_way_that_was_driven(
 def test_a_result_says_what_happened(logs: tuple[RouteLog, RouteLog], town: Town) -> None:
     order = RouteOrder(3, 1, TOWN, SEED)
     reference_m = score_rules(logs[0], town)
-    row = result_of(order, logs[1], town, reference_m)
     scene = scene_of(logs[1], town)
+    row = result_of(order, logs[1], scene, mishaps_of(scene), reference_m)
     expected = epdms(
         *_seen(scene), reference_progress_m=reference_m, history=scene.history, plans=scene.plans
     )
@@ -158,7 +159,7 @@ def test_a_result_says_what_happened(logs: tuple[RouteLog, RouteLog], town: Town
     assert row["facts"]["progress_m"] == pytest.approx(expected.progress_m, abs=1e-3)
     assert (row["route"], row["town"], row["mode"], row["error"]) == (3, 1, "replay", None)
     assert len(row["ego"]["xy_m"]) == round(DURATION_S / PHYSICS_S) + 1
-    of_rules = result_of(order, logs[0], town, reference_m)
+    of_rules = result_of(order, logs[0], scene_of(logs[0], town), (), reference_m)
     assert of_rules["scores"]["ep"] == 1.0
     assert of_rules["bench2drive"] == {"score": 1.0, "success": 1.0}
     assert of_rules["scores"]["ec"] is None  # it was told no plans
