@@ -1,0 +1,1 @@
+"""Drives, records and tables of scripts/closed_loop.py."""
