@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from benchmarks import big_tables, fitting, index, learning, lift_splat, loading, planning
+from benchmarks import big_tables, driving, fitting, index, learning, lift_splat, loading, planning
 from benchmarks.machine import Machine
 from benchmarks.measuring import Pair, Side, Spread, compare, measured
 from shoot.training.precision import fastest_precision
@@ -339,6 +339,42 @@ def index_rows(setting: Setting) -> Iterator[Row]:
     )
 
 
+def drive_rows(setting: Setting) -> Iterator[Row]:
+    """Routes in closed loop, against the world's own clock."""
+    side = Side(driving.ready)
+    try:
+        side.result()  # loads and warms up
+        taken = [side.result() for _ in range(max(2, setting.repeats // 3))]
+        peak_mb = side.peak_mb()
+    finally:
+        side.close()
+    all_s = Spread.of([one.all_s for one in taken])
+    cameras_s = Spread.of([one.cameras_s for one in taken]).median
+    network_s = Spread.of([one.network_s for one in taken]).median
+    real_s = driving.DURATION_S
+    yield Row(
+        "a route of 20 s in closed loop, one core",
+        "as long as it takes in the world",
+        "shoot-simulate with the shipped planner, traffic answering",
+        Pair(
+            Spread.of([real_s]),
+            all_s,
+            Spread.of([real_s / one.all_s for one in taken]),
+            0.0,
+            peak_mb,
+        ),
+        1.0,
+        None,
+        (
+            Check(
+                f"of it six cameras rendered {cameras_s:.2f} s, the network {network_s:.2f} s; "
+                "town, traffic, reference, score and filmstrip the rest",
+                True,
+            ),
+        ),
+    )
+
+
 def _against(plain_s: float, plain_mb: float, fast_s: Spread, fast_mb: float) -> Pair:
     """A pair whose plain side takes too long to be repeated."""
     ratio = Spread(plain_s / fast_s.median, plain_s / fast_s.high, plain_s / fast_s.low)
@@ -365,4 +401,5 @@ ROWS: dict[str, Callable[[Setting], Iterator[Row]]] = {
     "loader": loader_rows,
     "fit": fit_rows,
     "index": index_rows,
+    "drive": drive_rows,
 }
