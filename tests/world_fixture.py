@@ -24,6 +24,7 @@ import pytest
 from filelock import FileLock
 from tiny_tables import TinyScene, write_tiny
 
+from shoot.baselines import past_motion
 from shoot.cli import check, evaluate, fit_templates, make_world, render, simulate, train
 
 NUM_TEMPLATES = 24
@@ -40,6 +41,10 @@ COMMANDS: dict[str, Callable[[], None]] = {
     "shoot-render": render.main,
     "shoot-simulate": simulate.main,
 }
+
+# An epoch of the baseline of past motion, which most tests evaluate and few ask about: its own
+# tests train it as users do.
+FEW_STEPS = 4
 
 
 @dataclass(frozen=True)
@@ -132,6 +137,7 @@ def command(name: str, *arguments: object) -> Said:
     with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
         patch.setattr(sys, "argv", [name, *map(str, arguments)])
         patch.setenv("COLUMNS", "200")
+        patch.setattr(past_motion, "STEPS_AN_EPOCH", FEW_STEPS)
         root_logger.handlers.clear()  # so that the command sets up its own
         try:
             with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
@@ -219,6 +225,7 @@ def _beside(
 def call_command(name: str, arguments: Sequence[str]) -> None:
     """Call a console command in a process that has nothing else to do."""
     sys.argv = [name, *arguments]
+    past_motion.STEPS_AN_EPOCH = FEW_STEPS
     COMMANDS[name]()
 
 
