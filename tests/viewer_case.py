@@ -2,7 +2,10 @@
 
 import base64
 import io
+import json
+import re
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -13,8 +16,9 @@ from shoot.report.viewer.pictures import cost_picture, image_within, points_pict
 from shoot.report.viewer.scene import CameraPlace, SeenImage, ViewedSample, ViewedScene
 
 NUM_SAMPLES, NUM_TEMPLATES = 8, 24
-GRID = BevGrid(-10.0, 30.0, -16.0, 16.0, 2.0)
-# Of a level camera that looks ahead from 1.5 m above the origin: u = 0.5 - y / x, v = 0.5 + 1.5 / x.
+GRID = BevGrid(-10.0, 60.0, -16.0, 16.0, 2.0)
+# Of a level camera that looks ahead from 1.5 m above the origin: u is 0.5 - y / x, v is
+# 0.5 + 1.5 / x.
 AHEAD = [[0.5, -1.0, 0.0], [0.5, 0.0, 1.5], [1.0, 0.0, 0.0]]
 
 
@@ -77,6 +81,12 @@ def hostile_page(word: str) -> str:
             samples=[replace(sample, token=word) for sample in scene.samples],
         )
     )
+
+
+def data_of(page: str) -> Any:
+    """What stands in a page as JSON."""
+    (text,) = re.findall(r'<script type="application/json" id="scene">(.*?)</script>', page)
+    return json.loads(text)
 
 
 def decoded(text: str) -> Image.Image:

@@ -46,7 +46,8 @@ function drawChart() {
     label.style.top = `${100 * down(10 ** power)}%`;
   }
   add(chart, "path", {class: "chance", d: `M0 ${down(1 / scene.num_templates)}H1`});
-  const curve = (value) => line(samples.map((sample, k) => [across(k), down(value(sample))]));
+  // The end of no length is what is seen of a single sample.
+  const curve = (value) => `${line(samples.map((sample, k) => [across(k), down(value(sample))]))}h0`;
   add(chart, "path", {class: "best", d: curve((sample) => sample.probabilities[0])});
   add(chart, "path", {class: "label", d: curve((sample) => sample.label_probability)});
   samples.forEach((sample, k) => {

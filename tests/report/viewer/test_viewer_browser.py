@@ -42,8 +42,8 @@ def test_keys_choose_the_sample(opened: Visit) -> None:
     page = opened.page
     assert shown(page) == 1
     for key, number in [
-        ("ArrowLeft", 1), ("ArrowRight", 2), ("ArrowRight", 3), ("ArrowLeft", 2), ("End", NUM_SAMPLES),
-        ("ArrowRight", NUM_SAMPLES), ("Home", 1),
+        ("ArrowLeft", 1), ("ArrowRight", 2), ("ArrowRight", 3), ("ArrowLeft", 2),
+        ("End", NUM_SAMPLES), ("ArrowRight", NUM_SAMPLES), ("Home", 1),
     ]:  # fmt: skip
         page.keyboard.press(key)
         assert shown(page) == number
@@ -165,9 +165,11 @@ def test_what_is_ahead_is_up_and_what_is_left_is_left(opened: Visit) -> None:
     close = page.locator("#cost").bounding_box()
     assert wide is not None
     assert close is not None
-    size = [float(side) for side in page.get_attribute("#ground", "viewBox").split()]
-    assert size[3] == pytest.approx(40.0)
-    assert close["height"] == pytest.approx(wide["height"] * 40.0 / size[3])
+    _, top_m, _, height_m = map(float, page.get_attribute("#ground", "viewBox").split())
+    assert (top_m, height_m) == (-32.0, 40.0)
+    assert close["height"] == pytest.approx(wide["height"] * 70.0 / height_m, rel=0.01)
+    # The picture's upper edge is 60 m ahead, 28 m above what is shown.
+    assert close["y"] == pytest.approx(wide["y"] - 28.0 / 70.0 * close["height"], abs=1.0)
     assert page.get_attribute("#close-up", "aria-pressed") == "true"
 
 
