@@ -101,8 +101,8 @@ def _of_scene(index: SampleIndex, rows: NDArray[np.int64], config: ViewConfig) -
         names = list(dict.fromkeys(index.scene_name[scenes].tolist()))
         some = ", ".join(f"'{legible(str(name)[:_LETTERS])}'" for name in names[:_NAMED])
         raise DataError(
-            f"There is no scene '{legible(str(wanted)[:_LETTERS])}' in split '{config.split}', which has "
-            f"{len(names)}: {some}{', ...' if len(names) > _NAMED else ''}."
+            f"There is no scene '{legible(str(wanted)[:_LETTERS])}' in split '{config.split}', "
+            f"which has {len(names)}: {some}{', ...' if len(names) > _NAMED else ''}."
         )
     own: NDArray[np.int64] = rows[scenes == scenes[is_wanted][0]]
     return own
