@@ -105,7 +105,15 @@ def predict(run: TrainedRun, split: LabelledSplit, fast: bool = False) -> NDArra
         for batch in batches(run, split, positions):
             parts.append(planner(batch.sensors).log_softmax(dim=-1).float().cpu().numpy())
             advance(len(batch.template_idx))
-    log_prob: NDArray[np.float32] = np.concatenate(parts)
+    return check_scores(np.concatenate(parts))
+
+
+def check_scores(log_prob: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The same log-probabilities, if they are any.
+
+    Raises:
+        DataError: If they are not finite.
+    """
     if not np.isfinite(log_prob).all():
         raise DataError(
             "The planner gives no finite scores: its training has diverged; train it with a lower "

@@ -48,11 +48,11 @@ def view_sample(
         lidar_points_ego=load_sweep(index, root, row) if with_lidar else None,
         dt_s=run.templates.dt_s,
         title=title_of(index, row),
-        caption=caption_of(index, row) + _of_times(run),
+        caption=caption_of(index, row) + of_times(run),
     )
 
 
-def _of_times(run: TrainedRun) -> str:
+def of_times(run: TrainedRun) -> str:
     """What of a cost volume the map shows, to be said below the headline."""
     if run.task.out_channels == 1:
         return ""

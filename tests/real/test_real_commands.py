@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
+from viewer_case import data_of
 from world_fixture import TinyRun, command
 
 from lss_core.camera import project
@@ -53,6 +54,20 @@ def test_render_draws_the_real_scene(tiny_run: TinyRun, real_root: Path, tmp_pat
     # Six photographs fill the upper third: hardly a pixel of blank paper there.
     upper = picture[int(0.1 * len(picture)) : int(0.3 * len(picture))]
     assert (upper.min(axis=-1) > 250.0).mean() < 0.1
+
+
+def test_view_shows_the_real_scene(tiny_run: TinyRun, real_root: Path, tmp_path: Path) -> None:
+    page = tmp_path / "scene.html"
+    said = command(
+        "shoot-view", tiny_run.folder, "--data.root", real_root, "--data.version", VERSION,
+        "--split", "train", "--skip-bad", "--out", page,
+    )  # fmt: skip
+    assert said.status == 0, said.err
+    data = data_of(page.read_text())
+    (sample,) = data["samples"]
+    assert sample["token"] == TOKEN
+    assert [image["camera"] for image in sample["images"]] == list(range(6))
+    assert min(len(data["road"]), len(sample["boxes"])) > 3
 
 
 def test_missing_files_of_the_other_keyframes_are_named(

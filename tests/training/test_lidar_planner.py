@@ -8,6 +8,7 @@ import pytest
 import torch
 from ring_sweeps import write_sweeps
 from tiny_tables import VERSION, copy_tiny
+from viewer_case import data_of, decoded
 from world_fixture import SMALL_FLAGS, TinyRun, command
 
 from lss_core.config import CAMERAS
@@ -34,6 +35,11 @@ def test_a_lidar_planner_from_training_to_pictures(
     assert json.loads(report.read_text())["num_samples"] == 15
     said = command("shoot-render", run, "--num", 1, "--out", tmp_path / "pictures")
     assert said.status == 0, said.err
+    page = tmp_path / "scene.html"
+    assert command("shoot-view", run, "--out", page).status == 0
+    data = data_of(page.read_text())
+    assert (data["cameras"], data["samples"][2]["images"]) == ([], [])
+    assert np.asarray(decoded(data["samples"][2]["points"])).any()
 
     trained = open_run(run)
     split = load_split(trained.config.data, "val", trained.templates)
