@@ -39,6 +39,8 @@ FRAMES_A_KEYFRAME = 10  # of 20 a second
 # What is driven straight shows where the car's front is.
 _STRAIGHT_RADPS, _MOVING_MPS = np.radians(2.0), 5.0
 _STRAIGHT_FRAMES = 40
+# No windshield holds it further off.
+_MOST_TURNED = np.radians(25.0)
 # Squares of the ellipsoid's half axes, of WGS 84.
 _EQUATOR_M2, _POLE_M2 = 6_378_137.0**2, 6_356_752.314245**2
 
@@ -154,6 +156,11 @@ def _level(segments: list[_Poses]) -> FloatArray | None:
         return None
     x = np.median(directions, axis=0)
     x /= np.linalg.norm(x)
+    if x[0] < np.cos(_MOST_TURNED):
+        raise DataError(
+            f"A device that looks along {np.round(x, 2).tolist()} (forward, right, down) of its own "
+            "path is not one of comma2k19; are its orientations w, x, y, z, of the device on earth?"
+        )
     y = np.array([0.0, -1.0, 0.0])  # the device's left
     y -= (y @ x) * x
     y /= np.linalg.norm(y)
