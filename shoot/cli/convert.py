@@ -12,7 +12,7 @@ from lss_core.data.converters.argoverse2 import find_argoverse2
 from lss_core.data.converters.comma2k19 import find_comma2k19, route_name
 from lss_core.data.converters.kitti_odometry import GreyOrColour, find_kitti_odometry
 from lss_core.data.converters.kitti_raw import find_kitti_raw
-from lss_core.data.converters.scenes import write_drives
+from lss_core.data.converters.scenes import Written, write_drives
 from shoot.cli.app import run
 
 
@@ -37,8 +37,8 @@ class KittiOdometry:
     def __post_init__(self) -> None:
         check_settings(self)
 
-    def write(self) -> Path:
-        """Convert; returns the folder of the tables."""
+    def write(self) -> Written:
+        """Convert."""
         found = find_kitti_odometry(self.src, self.sequences, self.camera)
         return write_drives(found, self.out, self.val)
 
@@ -62,8 +62,8 @@ class KittiRaw:
     def __post_init__(self) -> None:
         check_settings(self)
 
-    def write(self) -> Path:
-        """Convert; returns the folder of the tables."""
+    def write(self) -> Written:
+        """Convert."""
         return write_drives(find_kitti_raw(self.src, self.lidar), self.out, self.val)
 
 
@@ -86,8 +86,8 @@ class Argoverse2:
     def __post_init__(self) -> None:
         check_settings(self)
 
-    def write(self) -> Path:
-        """Convert; returns the folder of the tables."""
+    def write(self) -> Written:
+        """Convert."""
         return write_drives(find_argoverse2(self.src, self.lidar), self.out, self.val)
 
 
@@ -108,8 +108,8 @@ class Comma2k19:
     def __post_init__(self) -> None:
         check_settings(self)
 
-    def write(self) -> Path:
-        """Convert; returns the folder of the tables."""
+    def write(self) -> Written:
+        """Convert."""
         val = tuple(route_name(name) for name in self.val)
         return write_drives(find_comma2k19(self.src, self.out), self.out, val)
 
@@ -123,16 +123,16 @@ _COMMANDS: Any = (
 )
 
 
-def convert(config: ConvertConfig) -> Path:
-    """Write the data set and say what its cameras are called.
+def convert(config: ConvertConfig) -> Written:
+    """Write the data set and say where it is and what its cameras are called.
 
     Raises:
         DataError: If the source is not as it should be, or the data set is there already.
         OSError: If a file cannot be read or written.
     """
-    folder = config.write()
-    print(f"Wrote {folder}.")
-    return folder
+    written = config.write()
+    print(f"Wrote {written.folder}; its cameras are --data.cameras {' '.join(written.cameras)}")
+    return written
 
 
 def main() -> None:

@@ -158,8 +158,8 @@ def _level(segments: list[_Poses]) -> FloatArray | None:
     x /= np.linalg.norm(x)
     if x[0] < np.cos(_MOST_TURNED):
         raise DataError(
-            f"A device that looks along {np.round(x, 2).tolist()} (forward, right, down) of its own "
-            "path is not one of comma2k19; are its orientations w, x, y, z, of the device on earth?"
+            f"A car that drives along {np.round(x, 2).tolist()} of its device's axes (forward, "
+            "right, down) is none of comma2k19; do frame_orientations turn these into the earth's?"
         )
     y = np.array([0.0, -1.0, 0.0])  # the device's left
     y -= (y @ x) * x

@@ -21,6 +21,18 @@ _NEAR_S = 0.1
 _LOGS_A_VAL = 5
 
 
+class Written(NamedTuple):
+    """A data set that was written.
+
+    Attributes:
+        folder: Of its tables.
+        cameras: Its channels, in the order of the first drive that has them.
+    """
+
+    folder: Path
+    cameras: tuple[str, ...]
+
+
 class _Moment(NamedTuple):
     """A keyframe to be: its time, and by channel an image and when it was taken."""
 
@@ -28,7 +40,7 @@ class _Moment(NamedTuple):
     images: dict[str, tuple[Path, float]]
 
 
-def write_drives(drives: Sequence[FoundDrive], out: Path, val: Sequence[str] = ()) -> Path:
+def write_drives(drives: Sequence[FoundDrive], out: Path, val: Sequence[str] = ()) -> Written:
     """Write drives as a data set, cut into scenes of about 20 s with a keyframe every 0.5 s.
 
     The tables appear at the end, all at once. What a killed call has linked or written of images
@@ -41,9 +53,6 @@ def write_drives(drives: Sequence[FoundDrive], out: Path, val: Sequence[str] = (
             splits hold, and where they made none every fifth log, in the order of names, is for
             validation, or the last one of fewer than five.
 
-    Returns:
-        The folder of the tables.
-
     Raises:
         DataError: If `val` names a log that is not there, a drive is not as its data set's are, or
             the data set is there already.
@@ -52,16 +61,20 @@ def write_drives(drives: Sequence[FoundDrive], out: Path, val: Sequence[str] = (
     split_of = _splits(drives, val)
     writer = TablesWriter(out)
     splits: dict[str, list[str]] = {}
+    cameras: dict[str, None] = {}
     with progress("Drives", len(drives)) as advance:
         for found in drives:
             try:
-                names = _add_drive(writer, found, found.read())
+                drive = found.read()
+                names = _add_drive(writer, found, drive)
             except (ValueError, LookupError) as error:
                 raise DataError(f"'{found.name}' cannot be read: {error}.") from error
             splits.setdefault(split_of[found.whole], []).extend(names)
+            cameras |= dict.fromkeys(drive.cameras)
             advance(1)
     # Train before val, as people read them.
-    return writer.write({name: splits[name] for name in sorted(splits) if splits[name]})
+    folder = writer.write({name: splits[name] for name in sorted(splits)})
+    return Written(folder, tuple(cameras))
 
 
 def _splits(drives: Sequence[FoundDrive], val: Sequence[str]) -> dict[str, str]:

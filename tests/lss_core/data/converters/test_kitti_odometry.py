@@ -88,6 +88,12 @@ def index(root: Path) -> SampleIndex:
     return load_index(root, VERSION, ("CAM_FRONT",))
 
 
+def test_it_contradicts_itself_nowhere(root: Path) -> None:
+    said = command("shoot-check", "--data.root", root, "--data.cameras", "CAM_FRONT")
+    assert said.status == 0, said.err
+    assert "warning" not in said.out.lower()
+
+
 def test_a_long_sequence_becomes_scenes_and_splits(index: SampleIndex, root: Path) -> None:
     assert index.scene_name.tolist() == ["kitti-03-00", "kitti-03-01", "kitti-04-00"]
     assert index.scene_log[0] == index.scene_log[1] != index.scene_log[2]
