@@ -151,19 +151,13 @@ def _keyframes(moments_s: FloatArray, time_s: FloatArray) -> FloatArray:
 def _add_sensors(
     scene: SceneWriter, drive: Drive, moments: Sequence[_Moment], time_s: FloatArray
 ) -> None:
-    sweeps = drive.sweeps
-    # Those of the scene that no keyframe has taken yet.
-    left = (
-        {}
-        if sweeps is None
-        else {
-            sweep_s: number
-            for number, sweep_s in enumerate(sweeps.time_s.tolist())
-            if time_s[0] <= sweep_s <= time_s[-1]
-        }
-    )
-    if sweeps is not None:
-        scene.add_lidar(sweeps.ego_from_lidar)
+    # Sweeps of the scene that no keyframe has taken yet, by their times.
+    left: dict[float, int] = {}
+    if drive.sweeps is not None:
+        scene.add_lidar(drive.sweeps.ego_from_lidar)
+        swept_s = drive.sweeps.time_s
+        inside = np.flatnonzero((swept_s >= time_s[0]) & (swept_s <= time_s[-1]))
+        left = dict(zip(swept_s[inside].tolist(), inside.tolist(), strict=True))
     for channel, camera in drive.cameras.items():
         scene.add_camera(
             channel, camera.rawpixel_from_camera, camera.ego_from_camera, camera.image_hw
@@ -171,11 +165,11 @@ def _add_sensors(
     for moment in moments:
         files = {channel: file for channel, (file, _) in moment.images.items()}
         times_s = {channel: taken_s for channel, (_, taken_s) in moment.images.items()}
-        sweep = None if sweeps is None else sweeps.load(left.pop(moment.time_s))
+        sweep = None if drive.sweeps is None else drive.sweeps.load(left.pop(moment.time_s))
         scene.add_keyframe(moment.time_s, files, times_s, sweep)
-    if sweeps is not None:
+    if drive.sweeps is not None:
         for sweep_s, number in left.items():
-            scene.add_sweep(sweep_s, sweeps.load(number))
+            scene.add_sweep(sweep_s, drive.sweeps.load(number))
 
 
 def _add_boxes(
