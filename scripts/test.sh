@@ -12,7 +12,6 @@ set_up_environment dev
 ruff check .
 ruff format --check .
 mypy
-mypy examples
 lint-imports
 
 # Each pytest worker is one process; were torch to start a thread per core in each, they would slow

@@ -179,7 +179,7 @@ def test_names_and_files_in_pages_exist(page: Path) -> None:
     )
     exec(compile(imports, page.name, "exec"), {})
     code = " ".join(re.findall(r"`([^`\n]+)`", BLOCK.sub("", page.read_text(encoding="utf-8"))))
-    rooms = "lss_core|shoot|scripts|tests|examples"
+    rooms = "lss_core|shoot|scripts|tests"
     files = re.findall(rf"(?<![\w./-])((?:{rooms})/[\w./-]+\.(?:py|sh))\b", code)
     assert [file for file in files if not (ROOT / file).exists()] == []
     for name in re.findall(r"(?<![\w./-])((?:lss_core|shoot)(?:\.[a-zA-Z]\w*)+)", code):

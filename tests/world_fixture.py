@@ -25,7 +25,17 @@ from filelock import FileLock
 from tiny_tables import TinyScene, write_tiny
 
 from shoot.baselines import past_motion
-from shoot.cli import check, evaluate, fit_templates, make_world, render, simulate, train, view
+from shoot.cli import (
+    check,
+    convert,
+    evaluate,
+    fit_templates,
+    make_world,
+    render,
+    simulate,
+    train,
+    view,
+)
 
 NUM_TEMPLATES = 24
 # 7 s of keyframes every 0.5 s, those at 0 s ... 2 s with five seconds of future.
@@ -41,6 +51,7 @@ COMMANDS: dict[str, Callable[[], None]] = {
     "shoot-render": render.main,
     "shoot-simulate": simulate.main,
     "shoot-view": view.main,
+    "shoot-convert": convert.main,
 }
 
 # An epoch of the baseline of past motion, which most tests evaluate and few ask about: its own

@@ -18,6 +18,7 @@ from lss_core.bounds import Bounds, SettingError, hints_of
 from lss_core.config import DataConfig, DepthBins, ImageConfig, ModelConfig
 from lss_core.grid import BevGrid
 from shoot.cli.check import CheckConfig, CheckedData
+from shoot.cli.convert import Argoverse2, Comma2k19, KittiOdometry, KittiRaw
 from shoot.cli.demo import DemoConfig
 from shoot.cli.evaluate import EvaluateConfig
 from shoot.cli.fit_templates import DataSource, FitTemplatesConfig
@@ -147,6 +148,7 @@ IMPOSSIBLE_OTHERS: list[tuple[type, str, Any]] = [
     (SimulateConfig, "dask", ""),
     (EvaluateConfig, "html", ""),
     (CheckConfig, "out", ""),
+    (KittiOdometry, "val", ("",)),
     (CheckedData, "cameras", ("CAM_FRONT", "CAM_FRONT")),
 ]
 
@@ -159,6 +161,7 @@ MAKE: dict[type, Callable[..., Any]] = {
     CheckConfig: partial(CheckConfig, CheckedData("data")),
     CheckedData: partial(CheckedData, "data"),
     MakeWorldConfig: partial(MakeWorldConfig, Path("world")),
+    KittiOdometry: partial(KittiOdometry, Path("kitti"), Path("data")),
 }
 COMMANDS = (
     TrainConfig,
@@ -169,6 +172,10 @@ COMMANDS = (
     MakeWorldConfig,
     DemoConfig,
     SimulateConfig,
+    KittiOdometry,
+    KittiRaw,
+    Argoverse2,
+    Comma2k19,
 )
 
 

@@ -1,15 +1,14 @@
-"""The example: a folder laid out as KITTI's odometry benchmark becomes a data set to plan with."""
+"""KITTI odometry: a folder laid out as the benchmark becomes a data set to plan with."""
 
 import csv
 import re
-import runpy
 from pathlib import Path
 
 import numpy as np
 import pytest
 from nuscenes.nuscenes import NuScenes
 from PIL import Image
-from world_fixture import COMMANDS, Said, command, train_flags
+from world_fixture import Said, command, train_flags
 
 from lss_core.camera import project
 from lss_core.data.dataset import ego_from_camera
@@ -18,15 +17,16 @@ from lss_core.geometry import FloatArray, wrap_angle
 from shoot.templates import TemplateSet
 from shoot.trajectories import mine_futures
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[4]
 VERSION = "v1.0-trainval"
 WIDTH, HEIGHT, FOCAL_PX, CENTRE_PX = 124, 37, 72.0, (60.9, 17.3)
 BASE_M = 0.06  # camera 2 lies so far left of camera 0
+AHEAD_M = 1.03  # camera 0 of the rear axle
 SECONDS = {"03": 31.0, "04": 9.0}
 
 
 def motion(seconds: float, bend: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Times, places [T, 2] and headings of a car at 10 Hz that leaves the origin along x."""
+    """Times, places [T, 2] and headings of a rear axle at 10 Hz that leaves the origin along x."""
     fine_s = np.arange(0.0, seconds + 1e-9, 0.01)
     speed_mps = 6.0 + 2.0 * np.sin(0.4 * fine_s)
     yaw = np.concatenate([[0.0], np.cumsum(bend * np.cos(0.3 * fine_s) * speed_mps * 0.01)[:-1]])
@@ -55,7 +55,7 @@ def write_sequence(kitti: Path, name: str, bend: float, seed: int) -> None:
     (folder / "calib.txt").write_text("".join(lines))
     # Camera 0 in its first frame: x right, y down, z forward.
     rows = [
-        (c, 0, -s, -y, 0, 1, 0, 0, s, 0, c, x)
+        (c, 0, -s, -y - AHEAD_M * s, 0, 1, 0, 0, s, 0, c, x + AHEAD_M * (c - 1))
         for (x, y), c, s in zip(xy_m, np.cos(yaw), np.sin(yaw), strict=True)
     ]
     text = "".join(" ".join(f"{value:e}" for value in row) + "\n" for row in rows)
@@ -71,11 +71,8 @@ def kitti(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def convert(*arguments: object) -> Said:
-    script = str(ROOT / "examples" / "kitti_odometry.py")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(COMMANDS, "kitti", lambda: runpy.run_path(script, run_name="__main__"))
-        return command("kitti", *arguments)
+def convert(kitti: Path, out: Path, *more: object) -> Said:
+    return command("shoot-convert", "kitti-odometry", kitti, "--out", out, *more)
 
 
 @pytest.fixture(scope="module")
@@ -89,6 +86,12 @@ def root(kitti: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def index(root: Path) -> SampleIndex:
     return load_index(root, VERSION, ("CAM_FRONT",))
+
+
+def test_it_contradicts_itself_nowhere(root: Path) -> None:
+    said = command("shoot-check", "--data.root", root, "--data.cameras", "CAM_FRONT")
+    assert said.status == 0, said.err
+    assert "warning" not in said.out.lower()
 
 
 def test_a_long_sequence_becomes_scenes_and_splits(index: SampleIndex, root: Path) -> None:
@@ -124,12 +127,12 @@ def test_the_road_driven_lies_below_the_horizon_in_the_middle(index: SampleIndex
     row = int(futures.sample[0])
     driven = np.concatenate([futures.xy_m[0], np.zeros((len(futures.xy_m[0]), 1))], axis=-1)
     mounting = ego_from_camera(index, row)[0]
-    assert mounting[:3, 3] == pytest.approx([0.0, 0.0, 1.65])
+    assert mounting[:3, 3] == pytest.approx([AHEAD_M, 0.0, 1.65])
     far = np.array([[1e6, 0.0, 1.65]])
     pixels, depth_m = project(
         np.concatenate([driven, far]), index.rawpixel_from_camera[row, 0], mounting
     )
-    # Two metres ahead the road lies below the image's edge, further on between it and the horizon.
+    # Close by the road lies below the image's edge, further on between it and the horizon.
     assert pixels[-1] == pytest.approx(CENTRE_PX, abs=1e-3)
     seen = pixels[:-1][depth_m[:-1] > 1.65 * FOCAL_PX / (HEIGHT - CENTRE_PX[1])]
     assert len(seen) >= 8
@@ -143,7 +146,7 @@ def test_the_colour_camera_is_the_one_beside(kitti: Path, tmp_path: Path) -> Non
     flags = ("--sequences", "03", "04", "--val", "04", "--camera", "2")
     assert convert(kitti, tmp_path / "data", *flags).status == 0
     index = load_index(tmp_path / "data", VERSION, ("CAM_FRONT",))
-    assert index.egocam_from_camera[0, 0, :3, 3] == pytest.approx([0.0, BASE_M, 1.65])
+    assert index.egocam_from_camera[0, 0, :3, 3] == pytest.approx([AHEAD_M, BASE_M, 1.65])
     image = tmp_path / "data" / str(index.image_path[0, 0])
     assert image.samefile(kitti / "sequences" / "03" / "image_2" / "000000.png")
 

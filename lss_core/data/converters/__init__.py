@@ -1,0 +1,1 @@
+"""Data sets of others in, recordings of one kind out, which become nuScenes tables."""
