@@ -31,13 +31,12 @@ from shoot.training.planning.data import (
     collate_plans,
     load_split,
 )
+from shoot.training.planning.mark import TEMPLATES_MARK, check_mark
 from shoot.training.planning.motion import TrainingMotion
 from shoot.training.planning.run_folder import PlanningRun
 from shoot.training.task import Best
 
 logger = logging.getLogger(__name__)
-
-_MARK = "templates_sha256"
 
 
 class Planning:
@@ -57,7 +56,7 @@ class Planning:
         self._file = config.templates
         self._grid, self._reading = config.model.grid, config.planner
         self.out_channels = config.planner.num_maps(templates.points.shape[1])
-        self.marks: Mapping[str, str] = {_MARK: templates.sha256}
+        self.marks: Mapping[str, str] = {TEMPLATES_MARK: templates.sha256}
         self.fitted_on = templates.scenes
 
     def load_split(self, data: DataConfig, split: str, with_points: bool = False) -> LabelledSplit:
@@ -123,12 +122,7 @@ class Planning:
         Raises:
             DataError: If not.
         """
-        trained_with = stored.get(_MARK)
-        if trained_with != self.templates.sha256:
-            raise DataError(
-                f"{name} was trained with other templates (sha256 {str(trained_with)[:12]}..., "
-                f"these are {self.templates.sha256[:12]}...); give it its own template file."
-            )
+        check_mark(stored, self.templates, name)
 
     def save_training(self, folder: Path, split: LabelledSplit) -> None:
         """Write what baselines are fitted to."""

@@ -1,0 +1,131 @@
+"""shoot-plan: one moment from your own cameras: ranked trajectories, a picture; or a video."""
+
+import logging
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from lss_core.bounds import Bounds, Count, SettingError, check_settings
+from lss_core.errors import DataError
+from lss_core.files import check_writable
+from lss_core.strict_json import save_json
+from shoot.cli.app import run
+from shoot.moment.planning import Moment, describe_plan, plan_moment
+from shoot.moment.rig_file import Rig, read_rig
+from shoot.moment.showing import draw_plan, format_plan
+from shoot.prediction.plain import PlainRun, open_plain
+from shoot.prediction.shipped import NO_PLANNER_FOR_ROADS, shipped_run
+from shoot.rendering.saving import save_figure
+
+logger = logging.getLogger(__name__)
+
+_SHOWN = 10
+
+
+@dataclass(frozen=True)
+class PlanConfig:
+    """Rank trajectories by what the cameras of any calibrated rig see.
+
+    Start with --example DIR, which writes a rig file, six images and the command to call next.
+
+    Attributes:
+        rig: The rig file: per camera its name, size of images, intrinsics and mounting.
+        images: NAME=FILE of each camera; cameras of the rig without an image are left out.
+        stream: In place of images, a folder with one folder per camera, NAME/0001.jpg and so on:
+            each number that all cameras have is planned.
+        run: Run folder of a planner; the shipped one, trained on a synthetic city, if not given.
+        out: What is planned, as JSON; of a stream one line a frame.
+        picture: The picture; of a stream the video, which needs PyAV (`pip install
+            'shoot[video]'`).
+        top: How many templates are written, the most probable first.
+        rate_hz: Frames a second of a stream's video.
+        example: Write an example into this folder, and do nothing else.
+    """
+
+    rig: Path | None = None
+    images: tuple[str, ...] = ()
+    stream: Path | None = None
+    run: Path | None = None
+    out: Path | None = None
+    picture: Path | None = None
+    top: Count = 20
+    rate_hz: Annotated[int, Bounds(1, 120)] = 10
+    example: Path | None = None
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+        if self.example is not None:
+            return
+        if self.rig is None:
+            raise SettingError("rig is missing: name a rig file, or begin with --example DIR.")
+        if bool(self.images) == (self.stream is not None):
+            raise SettingError("images or stream must be given, and not both.")
+
+
+def plan(config: PlanConfig) -> None:
+    """Plan, print the table and save what was planned with its picture.
+
+    Raises:
+        DataError: If rig, images or run are not as they should be.
+        OSError: If a file cannot be written.
+    """
+    if config.example is not None:
+        _write_example(config.example)
+        return
+    assert config.rig is not None
+    rig = read_rig(config.rig)
+    for sentence in rig.oddities:
+        logger.warning(sentence)
+    paths = _named(config.images)
+    opened = open_plain(config.run or shipped_run())
+    if config.run is None:
+        logger.warning(NO_PLANNER_FOR_ROADS)
+    _plan_one(config, rig, paths, opened)
+
+
+def _plan_one(config: PlanConfig, rig: Rig, paths: dict[str, Path], opened: PlainRun) -> None:
+    out, picture = config.out or Path("plan.json"), config.picture or Path("plan.png")
+    check_writable(out)
+    moment = Moment.of(rig, paths)
+    left_out = [camera.name for camera in rig.cameras if camera.name not in paths]
+    if left_out:
+        logger.warning("Cameras of the rig without an image: %s.", ", ".join(left_out))
+    planned = plan_moment(opened, moment)
+    print(format_plan(opened, planned, min(config.top, _SHOWN)))
+    save_json(describe_plan(opened, moment, planned, config.top), out)
+    title = f"Planned from {len(moment.cameras)} cameras"
+    save_figure(draw_plan(opened, moment, planned, title, _caption(config)), picture, dpi=110.0)
+    print(f"Plan:    {out}\nPicture: {picture}")
+
+
+def _caption(config: PlanConfig) -> str:
+    return NO_PLANNER_FOR_ROADS if config.run is None else f"planner: {config.run}"
+
+
+def _named(images: tuple[str, ...]) -> dict[str, Path]:
+    paths: dict[str, Path] = {}
+    for image in images:
+        name, equals, path = image.partition("=")
+        if not (name and equals and path):
+            raise DataError(f"'{image}' is no NAME=FILE, as FRONT=front.jpg.")
+        if name in paths:
+            raise DataError(f"There are two images of '{name}'; give one of each camera.")
+        paths[name] = Path(path)
+    return paths
+
+
+def _write_example(folder: Path) -> None:
+    # What draws a city takes seconds to load, and is for this only.
+    from shoot.moment.example import RIG_FILE, write_example
+
+    paths = write_example(folder)
+    words = ["shoot-plan", "--rig", str(folder / RIG_FILE), "--images"]
+    words += [f"{name}={path}" for name, path in paths.items()]
+    words += ["--out", str(folder / "plan.json"), "--picture", str(folder / "plan.png")]
+    print(f"Rig and images: {folder}. Next:\n\n{shlex.join(words)}")
+
+
+def main() -> None:
+    """Entry point of `shoot-plan`."""
+    run(PlanConfig, plan, "Plan from the images of your own cameras.")
