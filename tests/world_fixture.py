@@ -24,7 +24,7 @@ import pytest
 from filelock import FileLock
 from tiny_tables import TinyScene, write_tiny
 
-from shoot.cli import check, evaluate, fit_templates, make_world, render, simulate, train
+from shoot.cli import check, evaluate, fit_templates, make_world, plan, render, simulate, train
 
 NUM_TEMPLATES = 24
 # 7 s of keyframes every 0.5 s, those at 0 s ... 2 s with five seconds of future.
@@ -38,6 +38,7 @@ COMMANDS: dict[str, Callable[[], None]] = {
     "shoot-train": train.main,
     "shoot-evaluate": evaluate.main,
     "shoot-render": render.main,
+    "shoot-plan": plan.main,
     "shoot-simulate": simulate.main,
 }
 

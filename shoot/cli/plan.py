@@ -1,19 +1,27 @@
 """shoot-plan: one moment from your own cameras: ranked trajectories, a picture; or a video."""
 
+import json
 import logging
 import shlex
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
+from numpy.typing import NDArray
+
 from lss_core.bounds import Bounds, Count, SettingError, check_settings
 from lss_core.errors import DataError
-from lss_core.files import check_writable
+from lss_core.files import check_writable, write_atomically
+from lss_core.legible import legible
+from lss_core.progress import progress
 from lss_core.strict_json import save_json
 from shoot.cli.app import run
 from shoot.moment.planning import Moment, describe_plan, plan_moment
 from shoot.moment.rig_file import Rig, read_rig
 from shoot.moment.showing import draw_plan, format_plan
+from shoot.moment.stream import Stream, as_pixels, find_frames
 from shoot.prediction.plain import PlainRun, open_plain
 from shoot.prediction.shipped import NO_PLANNER_FOR_ROADS, shipped_run
 from shoot.rendering.saving import save_figure
@@ -78,29 +86,66 @@ def plan(config: PlanConfig) -> None:
     for sentence in rig.oddities:
         logger.warning(sentence)
     paths = _named(config.images)
+    stream = None if config.stream is None else find_frames(config.stream, rig)
     opened = open_plain(config.run or shipped_run())
     if config.run is None:
         logger.warning(NO_PLANNER_FOR_ROADS)
-    _plan_one(config, rig, paths, opened)
+    if stream is not None:
+        _plan_stream(config, stream, opened)
+    else:
+        _plan_one(config, rig, paths, opened)
 
 
 def _plan_one(config: PlanConfig, rig: Rig, paths: dict[str, Path], opened: PlainRun) -> None:
     out, picture = config.out or Path("plan.json"), config.picture or Path("plan.png")
     check_writable(out)
+    check_writable(picture)
     moment = Moment.of(rig, paths)
     left_out = [camera.name for camera in rig.cameras if camera.name not in paths]
     if left_out:
         logger.warning("Cameras of the rig without an image: %s.", ", ".join(left_out))
     planned = plan_moment(opened, moment)
     print(format_plan(opened, planned, min(config.top, _SHOWN)))
-    save_json(describe_plan(opened, moment, planned, config.top), out)
+    save_json(describe_plan(opened, moment, planned, config.top, _note(config)), out)
     title = f"Planned from {len(moment.cameras)} cameras"
     save_figure(draw_plan(opened, moment, planned, title, _caption(config)), picture, dpi=110.0)
     print(f"Plan:    {out}\nPicture: {picture}")
 
 
+def _plan_stream(config: PlanConfig, stream: Stream, opened: PlainRun) -> None:
+    # What draws and encodes films takes seconds to load, and is for this only.
+    from shoot.simulation.filming.video import import_av, write_video
+
+    out, video = config.out or Path("plan.jsonl"), config.picture or Path("plan.mp4")
+    import_av()
+    check_writable(out)
+    check_writable(video)
+    if stream.num_incomplete:
+        logger.warning("Frames that not all cameras have, left out: %d.", stream.num_incomplete)
+    lines: list[str] = []
+
+    def frames() -> Iterator[NDArray[np.uint8]]:
+        with progress("Planning frames", len(stream.moments)) as advance:
+            for number, moment in zip(stream.numbers, stream.moments, strict=True):
+                planned = plan_moment(opened, moment)
+                told = describe_plan(opened, moment, planned, config.top, _note(config))
+                lines.append(json.dumps({"number": number, **told}, allow_nan=False) + "\n")
+                title = f"Frame {number}"
+                yield as_pixels(draw_plan(opened, moment, planned, title, _caption(config)))
+                advance(1)
+
+    write_video(frames(), video, config.rate_hz)
+    with write_atomically(out) as file:
+        file.write("".join(lines).encode())
+    print(f"Frames:  {len(lines)}\nPlans:   {out}\nVideo:   {video}")
+
+
+def _note(config: PlanConfig) -> str | None:
+    return NO_PLANNER_FOR_ROADS if config.run is None else None
+
+
 def _caption(config: PlanConfig) -> str:
-    return NO_PLANNER_FOR_ROADS if config.run is None else f"planner: {config.run}"
+    return _note(config) or legible(f"planner: {config.run}")
 
 
 def _named(images: tuple[str, ...]) -> dict[str, Path]:

@@ -87,7 +87,9 @@ def plan_moment(run: PlainRun, moment: Moment) -> MomentPlan:
     return MomentPlan(probabilities, order, maps[0].mean(dim=0).float().cpu().numpy())
 
 
-def describe_plan(run: PlainRun, moment: Moment, plan: MomentPlan, num: int) -> dict[str, Any]:
+def describe_plan(
+    run: PlainRun, moment: Moment, plan: MomentPlan, num: int, note: str | None = None
+) -> dict[str, Any]:
     """A plan as JSON has it: the most probable templates and what they belong to.
 
     Args:
@@ -95,6 +97,7 @@ def describe_plan(run: PlainRun, moment: Moment, plan: MomentPlan, num: int) -> 
         moment: From what.
         plan: What it said.
         num: How many templates; all if there are fewer.
+        note: A sentence on what the planner was trained on.
     """
     points, dt_s = run.templates.points, run.templates.dt_s
     data = run.config.data
@@ -114,6 +117,7 @@ def describe_plan(run: PlainRun, moment: Moment, plan: MomentPlan, num: int) -> 
                 "data": Path(data.root).name,
                 "version": data.version,
                 "split": run.config.train_split,
+                "note": note,
             },
         },
         "ranked": [

@@ -5,7 +5,6 @@ from importlib.metadata import PackageNotFoundError, files
 from pathlib import Path
 
 _SHIPPED = Path("templates") / "synthetic-1000"
-TRAINED_ON = "a synthetic city"
 NO_PLANNER_FOR_ROADS = (
     "The shipped planner was trained on a synthetic city; it is no planner for real roads."
 )

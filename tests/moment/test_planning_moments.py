@@ -1,0 +1,113 @@
+"""A sample given as plain images and a rig file is planned as an evaluation plans it."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from PIL import Image
+from world_fixture import TinyRun
+
+from lss_core.data.dataset import ego_from_camera
+from lss_core.errors import DataError
+from shoot.moment.planning import Moment, describe_plan, plan_moment
+from shoot.moment.rig_file import Rig, read_rig
+from shoot.prediction.plain import PlainRun, open_plain
+from shoot.prediction.run import open_run, predict
+from shoot.training.planning.data import LabelledSplit, load_split
+
+
+@pytest.fixture(scope="module")
+def plain(tiny_run: TinyRun) -> PlainRun:
+    return open_plain(tiny_run.folder)
+
+
+@pytest.fixture(scope="module")
+def split(plain: PlainRun) -> LabelledSplit:
+    return load_split(plain.config.data, "val", plain.templates)
+
+
+def as_rig(split: LabelledSplit, row: int, path: Path) -> tuple[Rig, dict[str, Path]]:
+    """A sample's cameras as a rig file, their names and images."""
+    index = split.index
+    poses = ego_from_camera(index, row)
+    entries: list[dict[str, Any]] = []
+    for n, name in enumerate(index.cameras):
+        height_px, width_px = (int(side) for side in index.image_hw[row, n])
+        entries.append(
+            {
+                "name": str(name),
+                "width_px": width_px,
+                "height_px": height_px,
+                "intrinsics": index.rawpixel_from_camera[row, n].tolist(),
+                "ego_from_camera": poses[n].tolist(),
+            }
+        )
+    path.write_text(yaml.safe_dump({"cameras": entries}))
+    images = {str(name): Path(index.image_path[row, n]) for n, name in enumerate(index.cameras)}
+    return read_rig(path), images
+
+
+def test_as_an_evaluation_plans_it(
+    tiny_run: TinyRun, plain: PlainRun, split: LabelledSplit, tmp_path: Path
+) -> None:
+    log_prob = predict(open_run(tiny_run.folder), split)
+    for position in (0, len(split.labels) - 1):
+        row = int(split.futures.sample[position])
+        rig, images = as_rig(split, row, tmp_path / "rig.yaml")
+        moment = Moment.of(rig, {name: tiny_run.root / path for name, path in images.items()})
+        plan = plan_moment(plain, moment)
+        np.testing.assert_allclose(plan.probabilities, np.exp(log_prob[position]), rtol=1e-4)
+        assert np.ptp(plan.probabilities) > 1e-6
+
+
+def test_what_is_written(
+    tiny_run: TinyRun, plain: PlainRun, split: LabelledSplit, tmp_path: Path
+) -> None:
+    row = int(split.futures.sample[0])
+    rig, images = as_rig(split, row, tmp_path / "rig.yaml")
+    # In another order than the rig's, and not all.
+    some = {name: tiny_run.root / images[name] for name in ("CAM_BACK", "CAM_FRONT")}
+    moment = Moment.of(rig, some)
+    plan = plan_moment(plain, moment)
+    told = describe_plan(plain, moment, plan, 1000)
+    assert list(told["cameras"]) == ["CAM_FRONT", "CAM_BACK"]
+    assert len(told["ranked"]) == len(plain.templates.points)
+    chances = [one["probability"] for one in told["ranked"]]
+    assert chances == sorted(chances, reverse=True)
+    assert sum(chances) == pytest.approx(1.0, abs=1e-5)
+    best = told["ranked"][0]
+    template = plain.templates.points[best["template"]]
+    np.testing.assert_allclose(best["points_m"], template, atol=1e-4)
+    assert told["times_s"][0] == plain.templates.dt_s
+    assert told["times_s"][-1] == plain.templates.horizon_s
+    assert told["planner"]["run"] == tiny_run.folder.name
+    assert told["planner"]["templates_sha256"] == plain.templates.sha256
+    assert [one["rank"] for one in describe_plan(plain, moment, plan, 3)["ranked"]] == [1, 2, 3]
+
+
+def test_any_number_of_cameras_of_any_sizes(plain: PlainRun, tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    entries, images = [], {}
+    for number, (width_px, height_px) in enumerate([(64, 48), (200, 40), (30, 60)]):
+        path = tmp_path / f"{number}.png"
+        Image.fromarray(rng.integers(0, 256, (height_px, width_px, 3), np.uint8)).save(path)
+        images[f"EYE{number}"] = path
+        entries.append(
+            {
+                "name": f"EYE{number}",
+                "width_px": width_px,
+                "height_px": height_px,
+                "intrinsics": {"fx": 60, "fy": 60, "cx": width_px / 2, "cy": height_px / 2},
+                "position_m": [1.0, 0.2 * number, 1.4],
+                "yaw_deg": 40.0 * number,
+            }
+        )
+    (tmp_path / "rig.yaml").write_text(yaml.safe_dump({"cameras": entries}))
+    moment = Moment.of(read_rig(tmp_path / "rig.yaml"), images)
+    assert np.isfinite(plan_moment(plain, moment).probabilities).all()
+    with pytest.raises(DataError, match="64x48 px, expected 200x40"):
+        plan_moment(plain, Moment.of(Rig(moment.cameras), images | {"EYE1": images["EYE0"]}))
+    with pytest.raises(DataError, match="'LEFT', which is no camera of the rig"):
+        Moment.of(Rig(moment.cameras), {"LEFT": images["EYE0"]})
