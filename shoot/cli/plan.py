@@ -18,7 +18,7 @@ from lss_core.legible import legible
 from lss_core.progress import progress
 from lss_core.strict_json import save_json
 from shoot.cli.app import run
-from shoot.moment.planning import Moment, describe_plan, plan_moment
+from shoot.moment.planning import Moment, describe_plan, plan_moment, strange_lenses
 from shoot.moment.rig_file import Rig, read_rig
 from shoot.moment.showing import draw_plan, format_plan
 from shoot.moment.stream import Stream, as_pixels, find_frames
@@ -42,6 +42,8 @@ class PlanConfig:
         images: NAME=FILE of each camera; cameras of the rig without an image are left out.
         stream: In place of images, a folder with one folder per camera, NAME/0001.jpg and so on:
             each number that all cameras have is planned.
+        speed_mps: How fast the car drives. It moves cameras that fire at different times (delay_s
+            in the rig file), and planners tell it from that; at 0 the car seems to stand.
         run: Run folder of a planner; the shipped one, trained on a synthetic city, if not given.
         out: What is planned, as JSON; of a stream one line a frame.
         picture: The picture; of a stream the video, which needs PyAV (`pip install
@@ -54,6 +56,7 @@ class PlanConfig:
     rig: Path | None = None
     images: tuple[str, ...] = ()
     stream: Path | None = None
+    speed_mps: Annotated[float, Bounds(-50.0, 100.0)] = 0.0
     run: Path | None = None
     out: Path | None = None
     picture: Path | None = None
@@ -86,7 +89,7 @@ def plan(config: PlanConfig) -> None:
     for sentence in rig.oddities:
         logger.warning(sentence)
     paths = _named(config.images)
-    stream = None if config.stream is None else find_frames(config.stream, rig)
+    stream = None if config.stream is None else find_frames(config.stream, rig, config.speed_mps)
     opened = open_plain(config.run or shipped_run())
     if config.run is None:
         logger.warning(NO_PLANNER_FOR_ROADS)
@@ -100,10 +103,12 @@ def _plan_one(config: PlanConfig, rig: Rig, paths: dict[str, Path], opened: Plai
     out, picture = config.out or Path("plan.json"), config.picture or Path("plan.png")
     check_writable(out)
     check_writable(picture)
-    moment = Moment.of(rig, paths)
+    moment = Moment.of(rig, paths, config.speed_mps)
     left_out = [camera.name for camera in rig.cameras if camera.name not in paths]
     if left_out:
         logger.warning("Cameras of the rig without an image: %s.", ", ".join(left_out))
+    for sentence in strange_lenses(opened, moment):
+        logger.warning(sentence)
     planned = plan_moment(opened, moment)
     print(format_plan(opened, planned, min(config.top, _SHOWN)))
     save_json(describe_plan(opened, moment, planned, config.top, _note(config)), out)
@@ -122,6 +127,8 @@ def _plan_stream(config: PlanConfig, stream: Stream, opened: PlainRun) -> None:
     check_writable(video)
     if stream.num_incomplete:
         logger.warning("Frames that not all cameras have, left out: %d.", stream.num_incomplete)
+    for sentence in strange_lenses(opened, stream.moments[0]):
+        logger.warning(sentence)
     lines: list[str] = []
 
     def frames() -> Iterator[NDArray[np.uint8]]:
@@ -164,10 +171,17 @@ def _write_example(folder: Path) -> None:
     # What draws a city takes seconds to load, and is for this only.
     from shoot.moment.example import RIG_FILE, write_example
 
-    paths = write_example(folder)
+    paths, speed_mps = write_example(folder)
     words = ["shoot-plan", "--rig", str(folder / RIG_FILE), "--images"]
     words += [f"{name}={path}" for name, path in paths.items()]
-    words += ["--out", str(folder / "plan.json"), "--picture", str(folder / "plan.png")]
+    words += [
+        "--speed-mps",
+        f"{speed_mps:.1f}",
+        "--out",
+        str(folder / "plan.json"),
+        "--picture",
+        str(folder / "plan.png"),
+    ]
     print(f"Rig and images: {folder}. Next:\n\n{shlex.join(words)}")
 
 

@@ -14,13 +14,19 @@ from lss_core.batch import Batch, collate
 from lss_core.data.sensors.images import load_image
 from lss_core.data.sensors.views import View, read_views
 from lss_core.errors import DataError
+from lss_core.geometry import FloatArray
 from shoot.moment.rig_file import Rig, RigCamera
 from shoot.prediction.plain import PlainRun
+from shoot.training.planning.focal_lengths import FocalLengths, network_focal_px
 
 FRAME = (
     "ego: x forward, y left, z up, in metres; the origin lies on the ground below the middle of "
     "the rear axle"
 )
+
+
+# Lenses beyond those of training by more than this are told of.
+_STRANGE_FACTOR = 1.3
 
 
 @dataclass(frozen=True)
@@ -30,13 +36,22 @@ class Moment:
     Attributes:
         cameras: One or more of the rig, in its order.
         paths: Their images' files.
+        speed_mps: How fast the car drives, straight ahead.
     """
 
     cameras: tuple[RigCamera, ...]
     paths: tuple[Path, ...]
+    speed_mps: float = 0.0
+
+    @property
+    def ego_from_camera(self) -> FloatArray:
+        """[N, 4, 4] where each camera was when it fired, in `ego` at the moment."""
+        poses = np.stack([camera.ego_from_camera for camera in self.cameras])
+        poses[:, 0, 3] += [self.speed_mps * camera.delay_s for camera in self.cameras]
+        return poses
 
     @staticmethod
-    def of(rig: Rig, paths: Mapping[str, Path]) -> "Moment":
+    def of(rig: Rig, paths: Mapping[str, Path], speed_mps: float = 0.0) -> "Moment":
         """The moment of some of a rig's cameras, by name.
 
         Raises:
@@ -52,7 +67,7 @@ class Moment:
         if not paths:
             raise DataError(f"There is no image; give one or more, as {names[0]}=image.jpg.")
         cameras = tuple(camera for camera in rig.cameras if camera.name in paths)
-        return Moment(cameras, tuple(paths[camera.name] for camera in cameras))
+        return Moment(cameras, tuple(paths[camera.name] for camera in cameras), speed_mps)
 
 
 @dataclass(frozen=True)
@@ -87,6 +102,28 @@ def plan_moment(run: PlainRun, moment: Moment) -> MomentPlan:
     return MomentPlan(probabilities, order, maps[0].mean(dim=0).float().cpu().numpy())
 
 
+def strange_lenses(run: PlainRun, moment: Moment) -> list[str]:
+    """Sentences on cameras whose lenses are far from all that the planner has seen in training.
+
+    An image is scaled until it fills the network's; through such a lens all things then are larger
+    or smaller than they were. Nothing is said where a run does not tell what it has seen.
+    """
+    seen = FocalLengths.load(run.folder)
+    if seen is None:
+        return []
+    told = []
+    for camera in moment.cameras:
+        focal_px = network_focal_px(
+            camera.rawpixel_from_camera, camera.image_hw, run.config.data.image
+        )
+        if not seen.low_px / _STRANGE_FACTOR <= focal_px <= seen.high_px * _STRANGE_FACTOR:
+            told.append(
+                f"Camera '{camera.name}' has a focal length of {focal_px:.0f} px in the network's "
+                f"image; in training there were {seen.low_px:.0f} to {seen.high_px:.0f} px."
+            )
+    return told
+
+
 def describe_plan(
     run: PlainRun, moment: Moment, plan: MomentPlan, num: int, note: str | None = None
 ) -> dict[str, Any]:
@@ -108,6 +145,7 @@ def describe_plan(
             camera.name: str(path)
             for camera, path in zip(moment.cameras, moment.paths, strict=True)
         },
+        "speed_mps": moment.speed_mps,
         "planner": {
             "run": run.folder.resolve().name,
             "weights_sha256": run.digest,
@@ -151,8 +189,10 @@ def _read(run: PlainRun, moment: Moment) -> Batch:
             image_hw=camera.image_hw,
             rawpixel_from_camera=camera.rawpixel_from_camera,
             egocam_from_camera=camera.ego_from_camera,
-            ego_from_camera=camera.ego_from_camera,
+            ego_from_camera=pose if run.config.data.ego_motion else camera.ego_from_camera,
         )
-        for camera, path in zip(moment.cameras, moment.paths, strict=True)
+        for camera, path, pose in zip(
+            moment.cameras, moment.paths, moment.ego_from_camera, strict=True
+        )
     ]
     return read_views(views, run.config.data.image)

@@ -33,13 +33,15 @@ class RigCamera:
         name: Its name.
         image_hw: Height and width of its images in pixels.
         rawpixel_from_camera: [3, 3]; pixel (0, 0) has its centre at (0, 0).
-        ego_from_camera: [4, 4] (camera: x right, y down, z forward).
+        ego_from_camera: [4, 4] (camera: x right, y down, z forward), as it is mounted.
+        delay_s: When it fires, after the moment that is planned from; negative: before.
     """
 
     name: str
     image_hw: tuple[int, int]
     rawpixel_from_camera: FloatArray
     ego_from_camera: FloatArray
+    delay_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -71,6 +73,7 @@ class _Entry:
     yaw_deg: _Degrees | None = None
     pitch_deg: _Degrees | None = None
     roll_deg: _Degrees | None = None
+    delay_s: Annotated[float, Bounds(-1.0, 1.0)] = 0.0
 
     def __post_init__(self) -> None:
         check_settings(self)
@@ -171,7 +174,8 @@ def _camera(entry: _Entry, what: str) -> RigCamera:
         raise DataError(f"{what} has {flaw}.")
     ego_from_camera = _mounting(entry, what)
     check_transforms(ego_from_camera[None], f"{what}: ego_from_camera", is_mounting=True)
-    return RigCamera(entry.name, (entry.height_px, entry.width_px), intrinsics, ego_from_camera)
+    image_hw = (entry.height_px, entry.width_px)
+    return RigCamera(entry.name, image_hw, intrinsics, ego_from_camera, entry.delay_s)
 
 
 def _intrinsics(given: Any, what: str) -> FloatArray:

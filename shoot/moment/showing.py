@@ -68,7 +68,7 @@ def draw_plan(
     view = SampleView(
         images=images,
         pixel_from_camera=intrinsics,
-        ego_from_camera=np.stack([camera.ego_from_camera for camera in moment.cameras]),
+        ego_from_camera=moment.ego_from_camera,
         camera_names=tuple(legible(camera.name) for camera in moment.cameras),
         grid=run.config.model.grid,
         cost_map=plan.cost_map,

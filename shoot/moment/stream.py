@@ -34,11 +34,16 @@ class Stream:
     num_incomplete: int
 
 
-def find_frames(folder: Path, rig: Rig) -> Stream:
+def find_frames(folder: Path, rig: Rig, speed_mps: float = 0.0) -> Stream:
     """The frames in a folder that has one folder per camera, named as it.
 
     A frame's number is what the names of its files, JPEG or PNG, end in: `FRONT/0007.jpg` and
     `LEFT/image_7.png` are one moment. Cameras of the rig without a folder are left out.
+
+    Args:
+        folder: Of the stream.
+        rig: Its cameras.
+        speed_mps: Of the car, in all frames.
 
     Raises:
         DataError: If there is no frame that all cameras have, or one camera has a number twice.
@@ -62,7 +67,7 @@ def find_frames(folder: Path, rig: Rig) -> Stream:
             "must end in the frame's number, as 0001.jpg."
         )
     moments = [
-        Moment.of(rig, {name: paths[number] for name, paths in by_camera.items()})
+        Moment.of(rig, {name: paths[number] for name, paths in by_camera.items()}, speed_mps)
         for number in whole
     ]
     return Stream(tuple(whole), tuple(moments), len(set.union(*numbers)) - len(whole))

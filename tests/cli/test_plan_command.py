@@ -38,6 +38,9 @@ def test_the_example_is_planned_as_it_says(example: Path) -> None:
     assert told["planner"]["run"] == "synthetic-1000"
     assert "synthetic city" in told["planner"]["trained_on"]["note"]
     assert len(told["ranked"]) == 20
+    assert told["speed_mps"] > 1.0
+    # It turns left there.
+    assert all(one["points_m"][-1][1] > 10.0 for one in told["ranked"][:3])
     with Image.open(example / "plan.png") as picture:
         assert min(picture.size) > 800
     again = example / "again.json"

@@ -98,7 +98,11 @@ IMPOSSIBLE: dict[type, dict[str, tuple[Any, ...]]] = {
         "dt_s": (*LENGTH, 11.0, 1e-9, 0.3),
     },
     RenderConfig: {"num": COUNT},
-    PlanConfig: {"top": COUNT, "rate_hz": (0, -1, 10**4)},
+    PlanConfig: {
+        "speed_mps": (NAN, INF, -60.0, 1e9),
+        "top": COUNT,
+        "rate_hz": (0, -1, 10**4),
+    },
     SimulateConfig: {
         "routes": COUNT,
         "seed": SEED,

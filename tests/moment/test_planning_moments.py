@@ -1,5 +1,6 @@
 """A sample given as plain images and a rig file is planned as an evaluation plans it."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,8 @@ from world_fixture import TinyRun
 
 from lss_core.data.dataset import ego_from_camera
 from lss_core.errors import DataError
-from shoot.moment.planning import Moment, describe_plan, plan_moment
-from shoot.moment.rig_file import Rig, read_rig
+from shoot.moment.planning import Moment, describe_plan, plan_moment, strange_lenses
+from shoot.moment.rig_file import Rig, RigCamera, look_from, read_rig
 from shoot.prediction.plain import PlainRun, open_plain
 from shoot.prediction.run import open_run, predict
 from shoot.training.planning.data import LabelledSplit, load_split
@@ -58,8 +59,18 @@ def test_as_an_evaluation_plans_it(
         rig, images = as_rig(split, row, tmp_path / "rig.yaml")
         moment = Moment.of(rig, {name: tiny_run.root / path for name, path in images.items()})
         plan = plan_moment(plain, moment)
-        np.testing.assert_allclose(plan.probabilities, np.exp(log_prob[position]), rtol=1e-4)
-        assert np.ptp(plan.probabilities) > 1e-6
+        np.testing.assert_allclose(plan.probabilities, np.exp(log_prob[position]), rtol=1e-5)
+        # It would not be so of other images, nor of cameras as mounted on a car that stands.
+        shuffled = replace(moment, paths=moment.paths[::-1])
+        mounted = tuple(
+            replace(camera, ego_from_camera=mounting)
+            for camera, mounting in zip(
+                rig.cameras, split.index.egocam_from_camera[row], strict=True
+            )
+        )
+        for other in (shuffled, Moment(mounted, moment.paths)):
+            said = plan_moment(plain, other).probabilities
+            assert not np.allclose(said, plan.probabilities, rtol=1e-4)
 
 
 def test_what_is_written(
@@ -111,3 +122,27 @@ def test_any_number_of_cameras_of_any_sizes(plain: PlainRun, tmp_path: Path) -> 
         plan_moment(plain, Moment.of(Rig(moment.cameras), images | {"EYE1": images["EYE0"]}))
     with pytest.raises(DataError, match="'LEFT', which is no camera of the rig"):
         Moment.of(Rig(moment.cameras), {"LEFT": images["EYE0"]})
+
+
+def test_a_camera_that_fired_before_was_further_back(tmp_path: Path) -> None:
+    """At 10 m/s, 0.04 s are 0.4 m."""
+    pose = look_from(np.array([1.5, 0.2, 1.4]), 0.3, 0.1, 0.0)
+    camera = RigCamera("LEFT", (48, 64), np.diag([60.0, 60.0, 1.0]), pose, delay_s=-0.04)
+    moved = Moment((camera,), (tmp_path,), speed_mps=10.0).ego_from_camera[0]
+    np.testing.assert_allclose(moved[:3, 3], [1.1, 0.2, 1.4])
+    np.testing.assert_array_equal(moved[:3, :3], pose[:3, :3])
+    np.testing.assert_array_equal(camera.ego_from_camera[:3, 3], [1.5, 0.2, 1.4])
+
+
+def test_lenses_unlike_those_of_training_are_told(
+    plain: PlainRun, split: LabelledSplit, tmp_path: Path
+) -> None:
+    """The tiny run notes them itself; a lens twice as long is none of them."""
+    rig, images = as_rig(split, int(split.futures.sample[0]), tmp_path / "rig.yaml")
+    assert strange_lenses(plain, Moment.of(rig, images)) == []
+    front = rig.cameras[1]
+    longer = np.diag([2.0, 2.0, 1.0]) @ front.rawpixel_from_camera
+    zoomed = replace(front, rawpixel_from_camera=longer)
+    (sentence,) = strange_lenses(plain, Moment((zoomed,), (tmp_path,)))
+    focal_px = longer[0, 0] * plain.config.data.image.width_px / front.image_hw[1]
+    assert f"'{front.name}' has a focal length of {focal_px:.0f} px" in sentence

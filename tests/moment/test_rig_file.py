@@ -62,6 +62,7 @@ def test_matrices_and_numbers_say_the_same(tmp_path: Path) -> None:
     assert by_matrices.image_hw == by_numbers.image_hw == (220, 400)
     np.testing.assert_array_equal(by_matrices.rawpixel_from_camera, by_numbers.rawpixel_from_camera)
     np.testing.assert_array_equal(by_matrices.ego_from_camera, by_numbers.ego_from_camera)
+    assert (by_matrices.delay_s, read_one(tmp_path, delay_s=-0.02).delay_s) == (0.0, -0.02)
 
 
 MIRRORED = np.diag([1.0, 1.0, -1.0, 1.0]).tolist()
@@ -74,6 +75,7 @@ MISTAKES: dict[str, tuple[dict[str, object], str]] = {
     "width of a text": ({"width_px": "wide"}, "'FRONT'.width_px"),
     "no height": ({"height_px": 0}, "height_px is 0, but must lie in 1"),
     "turned about more than once": ({"yaw_deg": 3000.0}, "yaw_deg is 3000"),
+    "late by an hour": ({"delay_s": 3600.0}, "delay_s is 3600"),
     "no cx": ({"intrinsics": {"fx": 1.0, "fy": 1.0, "cy": 2.0}}, "give fx, fy, cx and cy"),
     "intrinsics 2 x 2": ({"intrinsics": [[1.0, 0.0], [0.0, 1.0]]}, r"shape \[3, 3\]"),
     "focal length 0": ({"intrinsics": FRONT["intrinsics"] | {"fx": 0.0}}, "camera_intrinsic"),
