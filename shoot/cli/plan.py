@@ -94,7 +94,7 @@ def plan(config: PlanConfig) -> None:
     if config.run is None:
         logger.warning(NO_PLANNER_FOR_ROADS)
     if stream is not None:
-        _plan_stream(config, stream, opened)
+        _plan_stream(config, rig, stream, opened)
     else:
         _plan_one(config, rig, paths, opened)
 
@@ -104,11 +104,7 @@ def _plan_one(config: PlanConfig, rig: Rig, paths: dict[str, Path], opened: Plai
     check_writable(out)
     check_writable(picture)
     moment = Moment.of(rig, paths, config.speed_mps)
-    left_out = [camera.name for camera in rig.cameras if camera.name not in paths]
-    if left_out:
-        logger.warning("Cameras of the rig without an image: %s.", ", ".join(left_out))
-    for sentence in strange_lenses(opened, moment):
-        logger.warning(sentence)
+    _warn(rig, moment, opened)
     planned = plan_moment(opened, moment)
     print(format_plan(opened, planned, min(config.top, _SHOWN)))
     save_json(describe_plan(opened, moment, planned, config.top, _note(config)), out)
@@ -117,7 +113,7 @@ def _plan_one(config: PlanConfig, rig: Rig, paths: dict[str, Path], opened: Plai
     print(f"Plan:    {out}\nPicture: {picture}")
 
 
-def _plan_stream(config: PlanConfig, stream: Stream, opened: PlainRun) -> None:
+def _plan_stream(config: PlanConfig, rig: Rig, stream: Stream, opened: PlainRun) -> None:
     # What draws and encodes films takes seconds to load, and is for this only.
     from shoot.simulation.filming.video import import_av, write_video
 
@@ -127,8 +123,7 @@ def _plan_stream(config: PlanConfig, stream: Stream, opened: PlainRun) -> None:
     check_writable(video)
     if stream.num_incomplete:
         logger.warning("Frames that not all cameras have, left out: %d.", stream.num_incomplete)
-    for sentence in strange_lenses(opened, stream.moments[0]):
-        logger.warning(sentence)
+    _warn(rig, stream.moments[0], opened)
     lines: list[str] = []
 
     def frames() -> Iterator[NDArray[np.uint8]]:
@@ -145,6 +140,15 @@ def _plan_stream(config: PlanConfig, stream: Stream, opened: PlainRun) -> None:
     with write_atomically(out) as file:
         file.write("".join(lines).encode())
     print(f"Frames:  {len(lines)}\nPlans:   {out}\nVideo:   {video}")
+
+
+def _warn(rig: Rig, moment: Moment, opened: PlainRun) -> None:
+    seen = {camera.name for camera in moment.cameras}
+    left_out = [camera.name for camera in rig.cameras if camera.name not in seen]
+    if left_out:
+        logger.warning("Cameras of the rig without an image: %s.", ", ".join(left_out))
+    for sentence in strange_lenses(opened, moment):
+        logger.warning(sentence)
 
 
 def _note(config: PlanConfig) -> str | None:

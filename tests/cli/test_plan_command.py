@@ -72,7 +72,9 @@ def test_a_stream_is_planned_frame_by_frame(example: Path, tmp_path: Path) -> No
         "shoot-plan", *rig, "--stream", tmp_path, "--out", out, "--picture", video, "--top", 3
     )
     assert said.status == 0, said.err
-    assert "left out: 1" in " ".join((said.out + said.err).split())
+    told = " ".join((said.out + said.err).split())
+    assert "left out: 1" in told
+    assert "without an image: CAM_FRONT_LEFT, CAM_FRONT_RIGHT, CAM_BACK_LEFT" in told
     first, second = (json.loads(line) for line in out.read_text().splitlines())
     assert [first.pop("number"), second.pop("number")] == [9, 10]
     assert first["ranked"] != second["ranked"]
