@@ -21,7 +21,7 @@ _FILES = (
     "weights.safetensors", "templates.npz", "templates.json", "training_motion.npz",
     "past_motion.safetensors", "environment.json",
 )  # fmt: skip
-_FILES_OF_LATE = ("scenes.json",)  # older runs have none
+_FILES_OF_LATE = ("scenes.json", "training_cameras.json")  # older runs have none
 _METRICS = (
     ("top5", "top-5, %", ".1f"),
     ("top10", "top-10, %", ".1f"),

@@ -1,6 +1,5 @@
 """shoot-demo: the shipped planner at once, then the whole thing in minutes, on a laptop."""
 
-import sys
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,6 +18,7 @@ from shoot.evaluation.results import Report
 from shoot.metrics.manoeuvres import classify_manoeuvres
 from shoot.metrics.ranks import negative_log_likelihood
 from shoot.prediction.run import TrainedRun, open_run, predict
+from shoot.prediction.shipped import shipped_run
 from shoot.rendering import render_sample, save_figure
 from shoot.report.sample_views import view_sample
 from shoot.report.terminal import format_table
@@ -34,7 +34,6 @@ from shoot.world.config import (
 )
 from shoot.world.writer import make_world
 
-_SHIPPED = Path("templates") / "synthetic-1000"
 SHIPPED_PLANNER = "shipped_planner"
 
 
@@ -137,12 +136,6 @@ def _city(config: DemoConfig, out: Path, train_scenes: int, val_scenes: int) -> 
         keyframe_s=1.0,
         tail_s=5.0,
     )
-
-
-def shipped_run() -> Path:
-    """The run folder of the planner that comes with the sources, or with an installed wheel."""
-    sources = Path(__file__).parents[2] / _SHIPPED
-    return sources if sources.exists() else Path(sys.prefix) / "share" / "shoot" / _SHIPPED
 
 
 def _show(trained: TrainedRun, report: Report, out: Path) -> None:

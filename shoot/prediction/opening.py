@@ -9,8 +9,8 @@ import torch
 from numpy.typing import NDArray
 from torch.utils.data import DataLoader
 
-from lss_core.errors import DataError
 from shoot.prediction.disturbance import UNDISTURBED, Disturbance
+from shoot.prediction.plain import with_weights
 from shoot.training.config import ConfigT, RunConfig
 from shoot.training.device import choose_device
 from shoot.training.module import TaskModule
@@ -59,15 +59,13 @@ def load_module(run: RunFolder, checkpoint: str, make: Callable[[], ModuleT]) ->
         DataError: If there are no weights, or they do not fit.
     """
     state = run.weights(checkpoint)
-    try:
+
+    def make_checked() -> ModuleT:
         module = make()
         module.task.check_weights(state, f"'{run.folder}'")
-        module.load_state_dict(state["state_dict"])
-    except (RuntimeError, ValueError, ArithmeticError, MemoryError) as error:
-        raise DataError(
-            f"The weights in '{run.folder}' do not fit its config.yaml: {str(error)[:200]}..."
-        ) from error
-    return module.eval().to(choose_device())
+        return module
+
+    return with_weights(make_checked, state["state_dict"], run.folder).eval().to(choose_device())
 
 
 def read_batches(

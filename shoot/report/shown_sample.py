@@ -1,5 +1,6 @@
 """A sample's images at a readable size, and what stands above its picture."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -34,17 +35,39 @@ def shown_images(
     Where cameras differ, the smaller images have black borders.
     """
     there = [int(n) for n in np.flatnonzero(index.has_camera[row])]
-    raw_hws = [raw_hw(index, root, row, n) for n in there]
+    images, intrinsics = whole_images(
+        [root / index.image_path[row, n] for n in there],
+        [raw_hw(index, root, row, n) for n in there],
+        index.rawpixel_from_camera[row, there],
+    )
+    names = tuple(legible(str(index.cameras[n])) for n in there)
+    return images, intrinsics, names, there
+
+
+def whole_images(
+    paths: Sequence[Path], raw_hws: Sequence[tuple[int, int]], rawpixel_from_camera: FloatArray
+) -> tuple[np.ndarray[tuple[int, ...], np.dtype[np.uint8]], FloatArray]:
+    """Whole images at a readable size, and their intrinsics.
+
+    Where sizes differ, the smaller images have black borders.
+
+    Args:
+        paths: Of N files.
+        raw_hws: Their heights and widths.
+        rawpixel_from_camera: [N, 3, 3].
+
+    Raises:
+        DataError: If one is missing or damaged.
+    """
     shown_hws = [_shown_hw(*sides_px) for sides_px in raw_hws]
     frame_hw = max(height for height, _ in shown_hws), max(width for _, width in shown_hws)
     images, intrinsics = [], []
-    for n, sides_px, (height, width) in zip(there, raw_hws, shown_hws, strict=True):
+    for n, (height, width) in enumerate(shown_hws):
         left, top = (width - frame_hw[1]) // 2, (height - frame_hw[0]) // 2
-        pixel_map = PixelMap((height, width), left, top, False, 0.0, frame_hw, sides_px)
-        images.append(load_image(root / index.image_path[row, n], pixel_map))
-        intrinsics.append(pixel_map.pixel_from_rawpixel @ index.rawpixel_from_camera[row, n])
-    names = tuple(legible(str(index.cameras[n])) for n in there)
-    return np.stack(images), np.stack(intrinsics), names, there
+        pixel_map = PixelMap((height, width), left, top, False, 0.0, frame_hw, raw_hws[n])
+        images.append(load_image(paths[n], pixel_map))
+        intrinsics.append(pixel_map.pixel_from_rawpixel @ rawpixel_from_camera[n])
+    return np.stack(images), np.stack(intrinsics)
 
 
 def _shown_hw(raw_h: int, raw_w: int) -> tuple[int, int]:

@@ -1,14 +1,5 @@
 """Templates: the K trajectories a planner chooses from, where they come from, where they go."""
 
-from shoot.templates.fitting import fit_templates, fit_templates_stream
-from shoot.templates.template_set import Coverage, TemplateSet
-from shoot.templates.vocabulary import read_vocabulary, write_vocabulary
+import lazy_loader
 
-__all__ = [
-    "Coverage",
-    "TemplateSet",
-    "fit_templates",
-    "fit_templates_stream",
-    "read_vocabulary",
-    "write_vocabulary",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.metrics import pairwise_distances_argmin
 
 from lss_core.data.drives import KnownScene
 from lss_core.errors import DataError
@@ -113,6 +112,9 @@ class TemplateSet:
         Raises:
             DataError: If the futures have another number of points, or are not finite.
         """
+        # Slow to load, and who only plans does without.
+        from sklearn.metrics import pairwise_distances_argmin
+
         if not np.isfinite(futures).all():
             raise DataError("Futures must be finite, but hold NaN or infinity.")
         if futures.shape[1:] != self.points.shape[1:]:

@@ -1,6 +1,5 @@
 """Files of weights: written whole or not at all, read without running what they hold."""
 
-import io
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,33 +8,32 @@ from typing import Any
 import safetensors
 import safetensors.torch
 import torch
-from lightning_fabric.plugins import TorchCheckpointIO
-from lightning_fabric.utilities.types import _PATH
 from torch import Tensor
 
 from lss_core.errors import DataError
 from lss_core.files import write_atomically
 
+CHECKPOINTS = "checkpoints"
+WEIGHTS_FILE = "weights.safetensors"
 
-class WholeCheckpoints(TorchCheckpointIO):
-    """Written beside the old one, which it replaces when it is on disk.
 
-    Lightning writes in the system's folder for temporary files and moves: onto another disk that is
-    a copy, which a kill or a full disk can cut short.
+def read_run_weights(folder: Path, which: str) -> dict[str, Any]:
+    """Weights of a run under `state_dict` and what they belong to.
+
+    Where there are no checkpoints, the `last` ones are those of `weights.safetensors`: config, what
+    the task adds and this file are all that a run needs to be given to others.
+
+    Args:
+        folder: The run folder.
+        which: `last` or `best`.
+
+    Raises:
+        DataError: If there are none, or they are damaged.
     """
-
-    def save_checkpoint(
-        self, checkpoint: dict[str, Any], path: _PATH, storage_options: Any | None = None
-    ) -> None:
-        """Write it.
-
-        Raises:
-            OSError: If it cannot be written; an older one of the name is as it was.
-        """
-        whole = io.BytesIO()
-        torch.save(checkpoint, whole)
-        with write_atomically(str(path)) as stream:
-            stream.write(whole.getbuffer())
+    checkpoint, alone = folder / CHECKPOINTS / f"{which}.ckpt", folder / WEIGHTS_FILE
+    if which == "last" and not checkpoint.exists() and alone.exists():
+        return read_weights(alone)
+    return read_checkpoint(checkpoint)
 
 
 def read_checkpoint(path: Path) -> dict[str, Any]:

@@ -30,7 +30,7 @@ from shoot.training.callbacks import (
     TrainingTime,
     TrueStep,
 )
-from shoot.training.checkpoint_file import WholeCheckpoints, read_checkpoint, write_weights
+from shoot.training.checkpoint_file import read_checkpoint, write_weights
 from shoot.training.config import Precision, RunConfig
 from shoot.training.data import TaskData
 from shoot.training.device import choose_device
@@ -43,6 +43,7 @@ from shoot.training.run_scenes import RunScenes
 from shoot.training.samplers import check_shares
 from shoot.training.signals import EndOnSignal
 from shoot.training.task import Task
+from shoot.training.whole_checkpoints import WholeCheckpoints
 
 logger = logging.getLogger(__name__)
 

@@ -12,7 +12,7 @@ from pytorch_lightning.utilities import rank_zero_only
 
 from lss_core.errors import DataError
 from lss_core.files import clear_leftovers, write_atomically
-from shoot.training.checkpoint_file import read_checkpoint, read_weights
+from shoot.training.checkpoint_file import CHECKPOINTS, WEIGHTS_FILE, read_run_weights
 from shoot.training.config import CONFIG_FILE, ConfigT, RunConfig
 from shoot.training.task import Task
 
@@ -38,12 +38,12 @@ class RunFolder:
     @property
     def checkpoints(self) -> Path:
         """Folder of `last.ckpt` and `best.ckpt`."""
-        return self.folder / "checkpoints"
+        return self.folder / CHECKPOINTS
 
     @property
     def weights_file(self) -> Path:
         """The weights of the finished run, without what only training needs."""
-        return self.folder / "weights.safetensors"
+        return self.folder / WEIGHTS_FILE
 
     @property
     def metrics_file(self) -> Path:
@@ -113,10 +113,7 @@ class RunFolder:
         return replace(config, data=replace(config.data, root=root))
 
     def weights(self, which: str) -> dict[str, Any]:
-        """Weights under `state_dict` and what they belong to, read without running code from them.
-
-        Where there are no checkpoints, the `last` ones are those of `weights.safetensors`: config,
-        what the task adds and this file are all that a run needs to be given to others.
+        """Weights under `state_dict` and what they belong to, see `read_run_weights`.
 
         Args:
             which: `last` or `best`.
@@ -124,10 +121,7 @@ class RunFolder:
         Raises:
             DataError: If there are none, or they are damaged.
         """
-        path = self.checkpoints / f"{which}.ckpt"
-        if which == "last" and not path.exists() and self.weights_file.exists():
-            return read_weights(self.weights_file)
-        return read_checkpoint(path)
+        return read_run_weights(self.folder, which)
 
     def _check_same(self, config: RunConfig) -> None:
         before = self.read_config(type(config)).what_is_computed()

@@ -22,6 +22,7 @@ from shoot.cli.convert import Argoverse2, Comma2k19, KittiOdometry, KittiRaw
 from shoot.cli.demo import DemoConfig
 from shoot.cli.evaluate import EvaluateConfig
 from shoot.cli.fit_templates import DataSource, FitTemplatesConfig
+from shoot.cli.plan import PlanConfig
 from shoot.cli.render import RenderConfig
 from shoot.cli.simulate import SimulateConfig
 from shoot.planner import PlannerConfig
@@ -98,6 +99,11 @@ IMPOSSIBLE: dict[type, dict[str, tuple[Any, ...]]] = {
         "dt_s": (*LENGTH, 11.0, 1e-9, 0.3),
     },
     RenderConfig: {"num": COUNT},
+    PlanConfig: {
+        "speed_mps": (NAN, INF, -60.0, 1e9),
+        "top": COUNT,
+        "rate_hz": (0, -1, 10**4),
+    },
     SimulateConfig: {
         "routes": COUNT,
         "seed": SEED,
@@ -157,6 +163,7 @@ MAKE: dict[type, Callable[..., Any]] = {
     DataSource: partial(DataSource, root="data"),
     FitTemplatesConfig: partial(FitTemplatesConfig, DataSource("data"), "t.npz"),
     RenderConfig: partial(RenderConfig, "run", "pictures"),
+    PlanConfig: partial(PlanConfig, Path("rig.yaml"), ("FRONT=front.jpg",)),
     EvaluateConfig: partial(EvaluateConfig, "run"),
     CheckConfig: partial(CheckConfig, CheckedData("data")),
     CheckedData: partial(CheckedData, "data"),
@@ -176,6 +183,7 @@ COMMANDS = (
     KittiRaw,
     Argoverse2,
     Comma2k19,
+    PlanConfig,
 )
 
 

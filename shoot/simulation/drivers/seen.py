@@ -4,10 +4,10 @@ import numpy as np
 import torch
 
 from lss_core.batch import Batch
-from lss_core.camera import horizon_row
 from lss_core.config import DataConfig
-from lss_core.data.sensors.images import draw_pixel_map, fit_image
+from lss_core.data.sensors.images import fit_image
 from lss_core.data.sensors.lidar import place_scan
+from lss_core.data.sensors.views import View, read_views
 from shoot.simulation.observation import CameraView, LidarScan, Sights
 
 
@@ -20,25 +20,16 @@ def read_sights(sights: Sights, config: DataConfig) -> Batch:
     """
     if config.lidar_scans:
         return _read_scans(sights.scans)
-    return _read_views(sights.views, config)
+    return read_views([_view(view, config.ego_motion) for view in sights.views], config.image)
 
 
-def _read_views(views: tuple[CameraView, ...], config: DataConfig) -> Batch:
-    images, pixel_from_camera, poses = [], [], []
-    for view in views:
-        horizon = horizon_row(view.rawpixel_from_camera, view.egocam_from_camera)
-        pixel_map = draw_pixel_map(config.image, view.image_hw, None, horizon)
-        images.append(fit_image(view.open(), pixel_map))
-        pixel_from_camera.append(pixel_map.pixel_from_rawpixel @ view.rawpixel_from_camera)
-        poses.append(view.ego_from_camera if config.ego_motion else view.egocam_from_camera)
-    return Batch(
-        images=torch.from_numpy(np.stack(images)).permute(0, 3, 1, 2),
-        pixel_from_camera=torch.from_numpy(np.stack(pixel_from_camera)).float(),
-        ego_from_camera=torch.from_numpy(np.stack(poses).astype(np.float32)),
-        camera_mask=torch.ones(len(views), dtype=torch.bool),
-        sample_idx=torch.tensor(0),
-        points=torch.zeros(0, 5),
-        point_counts=torch.tensor(0),
+def _view(view: CameraView, ego_motion: bool) -> View:
+    return View(
+        load=lambda pixel_map: fit_image(view.open(), pixel_map),
+        image_hw=view.image_hw,
+        rawpixel_from_camera=view.rawpixel_from_camera,
+        egocam_from_camera=view.egocam_from_camera,
+        ego_from_camera=view.ego_from_camera if ego_motion else view.egocam_from_camera,
     )
 
 

@@ -31,13 +31,13 @@ from shoot.training.planning.data import (
     collate_plans,
     load_split,
 )
+from shoot.training.planning.focal_lengths import FocalLengths
+from shoot.training.planning.mark import TEMPLATES_MARK, check_mark
 from shoot.training.planning.motion import TrainingMotion
 from shoot.training.planning.run_folder import PlanningRun
 from shoot.training.task import Best
 
 logger = logging.getLogger(__name__)
-
-_MARK = "templates_sha256"
 
 
 class Planning:
@@ -55,9 +55,10 @@ class Planning:
     def __init__(self, config: TrainConfig, templates: TemplateSet) -> None:
         self.templates = templates
         self._file = config.templates
+        self._data = config.data
         self._grid, self._reading = config.model.grid, config.planner
         self.out_channels = config.planner.num_maps(templates.points.shape[1])
-        self.marks: Mapping[str, str] = {_MARK: templates.sha256}
+        self.marks: Mapping[str, str] = {TEMPLATES_MARK: templates.sha256}
         self.fitted_on = templates.scenes
 
     def load_split(self, data: DataConfig, split: str, with_points: bool = False) -> LabelledSplit:
@@ -123,16 +124,14 @@ class Planning:
         Raises:
             DataError: If not.
         """
-        trained_with = stored.get(_MARK)
-        if trained_with != self.templates.sha256:
-            raise DataError(
-                f"{name} was trained with other templates (sha256 {str(trained_with)[:12]}..., "
-                f"these are {self.templates.sha256[:12]}...); give it its own template file."
-            )
+        check_mark(stored, self.templates, name)
 
     def save_training(self, folder: Path, split: LabelledSplit) -> None:
-        """Write what baselines are fitted to."""
+        """Write what baselines are fitted to, and which lenses were seen through."""
         TrainingMotion.of(split).save(PlanningRun(folder).motion_file)
+        seen = None if self._data.lidar_scans else FocalLengths.of(split, self._data.image)
+        if seen is not None:
+            seen.save(folder)
 
     def trained_on(self, folder: Path) -> tuple[KnownScene, ...]:
         """Those of the motion it keeps, by token."""
