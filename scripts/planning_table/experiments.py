@@ -24,6 +24,8 @@ TABLE = tuple(
 # What limits the camera planner: one thing changed at a time.
 LIMITS = (
     Experiment("camera-depth", "small", 0, ("--optim.depth-weight", "0.5")),
+    # Poses of cameras that fire one after the other say how far the car has moved meanwhile.
+    Experiment("camera-static-poses", "small", 0, ("--data.no-ego-motion",)),
     Experiment("camera-half-data", "small", 0, ("--train-split", HALF)),
     Experiment("lidar10-half-data", "lidar10", 0, ("--train-split", HALF)),
     Experiment("camera-half-steps", "small", 0, ("--optim.steps", "2800")),
