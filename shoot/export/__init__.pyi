@@ -1,0 +1,3 @@
+from .graph import PlannerGraph as PlannerGraph
+
+__all__ = ["PlannerGraph"]
