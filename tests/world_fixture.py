@@ -24,7 +24,16 @@ import pytest
 from filelock import FileLock
 from tiny_tables import TinyScene, write_tiny
 
-from shoot.cli import check, evaluate, fit_templates, make_world, render, simulate, train
+from shoot.cli import (
+    check,
+    evaluate,
+    export,
+    fit_templates,
+    make_world,
+    render,
+    simulate,
+    train,
+)
 
 NUM_TEMPLATES = 24
 # 7 s of keyframes every 0.5 s, those at 0 s ... 2 s with five seconds of future.
@@ -39,6 +48,7 @@ COMMANDS: dict[str, Callable[[], None]] = {
     "shoot-evaluate": evaluate.main,
     "shoot-render": render.main,
     "shoot-simulate": simulate.main,
+    "shoot-export": export.main,
 }
 
 

@@ -6,12 +6,10 @@ from typing import Any
 
 import torch
 
-from lss_core.batch import Batch
 from lss_core.camera import cell_centres
 from lss_core.files import write_atomically
 from lss_core.model import CameraModel
 from shoot.export.graph import PlannerGraph
-from shoot.export.numpy_inputs import make_splat_index
 from shoot.prediction.run import TrainedRun
 
 FORMAT_VERSION = 1
@@ -92,10 +90,3 @@ def write_card(card: dict[str, Any], path: Path) -> None:
     """
     with write_atomically(path) as stream:
         stream.write((json.dumps(card, indent=2) + "\n").encode())
-
-
-def inputs_of(card: dict[str, Any], sensors: Batch, position: int) -> dict[str, Any]:
-    """The exported planner's inputs by name, of one sample of a batch on the host."""
-    calibration = (sensors.pixel_from_camera, sensors.ego_from_camera, sensors.camera_mask)
-    index = make_splat_index(card, *(part[position].numpy() for part in calibration))
-    return {"images": sensors.images[position : position + 1].numpy(), "splat_index": index}

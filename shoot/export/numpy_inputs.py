@@ -130,7 +130,7 @@ def make_splat_index(
     point_idx = np.flatnonzero(flat >= 0)
     point_idx = point_idx[np.argsort(flat[point_idx], kind="stable")]
     pixel_idx, depth_idx = np.divmod(point_idx, len(features["depths_m"]))
-    index = np.stack([pixel_idx, depth_idx, flat[point_idx]]).astype(np.int64)
+    index: NDArray[np.int64] = np.stack([pixel_idx, depth_idx, flat[point_idx]]).astype(np.int64)
     if num_points is None:
         return index
     if num_points < index.shape[1]:
@@ -158,7 +158,9 @@ def _points(
         ego_from_pixel = ego_from_camera[:, :3, :3] @ camera_from_pixel
         rays = np.einsum("nij,hwj->nhwi", ego_from_pixel, pixels)
         origin_m = ego_from_camera[:, None, None, None, :3, 3]
-        return (rays[:, None] * depths_m[:, None, None, None] + origin_m).astype(np.float32)
+        points_m = rays[:, None] * depths_m[:, None, None, None] + origin_m
+    points: NDArray[np.float32] = points_m.astype(np.float32)
+    return points
 
 
 def _inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -5,17 +5,14 @@ from types import ModuleType
 from typing import Any
 
 import torch
-from torch import Tensor
-from torch.export import Dim
 
 from lss_core.errors import DataError
 from lss_core.files import write_atomically
 from shoot.export.graph import PlannerGraph
+from shoot.export.tracing import dynamic_shapes, example_inputs
 
 OPSET = 18
-INPUTS = ("images", "splat_index")
-OUTPUTS = ("probabilities", "cost_map")
-MAX_CAMERAS = 64
+_OUTPUTS = ("probabilities", "cost_map")
 
 
 def import_onnx() -> ModuleType:
@@ -47,11 +44,11 @@ def write_onnx(graph: PlannerGraph, path: Path) -> None:
     onnx = import_onnx()
     program = torch.onnx.export(
         graph,
-        example_inputs(graph),
+        kwargs=example_inputs(graph),
         dynamo=True,
         opset_version=OPSET,
-        input_names=INPUTS,
-        output_names=OUTPUTS,
+        input_names=list(example_inputs(graph)),
+        output_names=_OUTPUTS,
         dynamic_shapes=dynamic_shapes(),
         verbose=False,
     )
@@ -61,22 +58,6 @@ def write_onnx(graph: PlannerGraph, path: Path) -> None:
     onnx.checker.check_model(proto, full_check=True)
     with write_atomically(path) as stream:
         stream.write(proto.SerializeToString(deterministic=True))
-
-
-def example_inputs(graph: PlannerGraph) -> tuple[Tensor, Tensor]:
-    """Inputs to trace the graph with: two cameras, two points."""
-    images = torch.zeros(1, 2, 3, *graph.model.image_hw, dtype=torch.uint8)
-    return images.to(graph.weight.device), torch.zeros(
-        3, 2, dtype=torch.long, device=graph.weight.device
-    )
-
-
-def dynamic_shapes() -> dict[str, Any]:
-    """Which sizes are left open: the numbers of cameras and of points."""
-    return {
-        "images": {1: Dim("num_cameras", min=1, max=MAX_CAMERAS)},
-        "splat_index": {1: Dim("num_points")},
-    }
 
 
 def _forget_sources(proto: Any) -> None:

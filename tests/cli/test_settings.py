@@ -20,6 +20,7 @@ from lss_core.grid import BevGrid
 from shoot.cli.check import CheckConfig, CheckedData
 from shoot.cli.demo import DemoConfig
 from shoot.cli.evaluate import EvaluateConfig
+from shoot.cli.export import ExportConfig
 from shoot.cli.fit_templates import DataSource, FitTemplatesConfig
 from shoot.cli.render import RenderConfig
 from shoot.cli.simulate import SimulateConfig
@@ -97,6 +98,7 @@ IMPOSSIBLE: dict[type, dict[str, tuple[Any, ...]]] = {
         "dt_s": (*LENGTH, 11.0, 1e-9, 0.3),
     },
     RenderConfig: {"num": COUNT},
+    ExportConfig: {"int8": COUNT},
     SimulateConfig: {
         "routes": COUNT,
         "seed": SEED,
@@ -156,6 +158,7 @@ MAKE: dict[type, Callable[..., Any]] = {
     FitTemplatesConfig: partial(FitTemplatesConfig, DataSource("data"), "t.npz"),
     RenderConfig: partial(RenderConfig, "run", "pictures"),
     EvaluateConfig: partial(EvaluateConfig, "run"),
+    ExportConfig: partial(ExportConfig, "run"),
     CheckConfig: partial(CheckConfig, CheckedData("data")),
     CheckedData: partial(CheckedData, "data"),
     MakeWorldConfig: partial(MakeWorldConfig, Path("world")),
@@ -169,6 +172,7 @@ COMMANDS = (
     MakeWorldConfig,
     DemoConfig,
     SimulateConfig,
+    ExportConfig,
 )
 
 

@@ -5,19 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from exported_run import Exported, export_tiny
-from world_fixture import TinyRun
+from exported_run import Exported
 
 from lss_core.errors import DataError
-from shoot.export.card import inputs_of, make_card
+from shoot.export.card import make_card
 from shoot.export.graph import PlannerGraph
+from shoot.export.samples import inputs_of
 from shoot.planner import PlannerConfig
 from shoot.training.planning.task import PlanningModule
-
-
-@pytest.fixture(scope="module")
-def exported(tiny_run: TinyRun) -> Exported:
-    return export_tiny(tiny_run)
 
 
 @pytest.mark.parametrize(

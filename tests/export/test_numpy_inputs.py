@@ -6,17 +6,17 @@ from typing import Any
 
 import numpy as np
 import pytest
-from exported_run import Exported, export_tiny
+from exported_run import Exported
 from hypothesis import given
 from hypothesis import strategies as st
-from world_fixture import TinyRun
 
 from lss_core.camera import horizon_row
 from lss_core.config import ImageConfig
 from lss_core.data.sensors.images import draw_pixel_map
-from shoot.export.card import inputs_of, make_card
+from shoot.export.card import make_card
 from shoot.export.graph import PlannerGraph
 from shoot.export.numpy_inputs import choose_crop, make_splat_index
+from shoot.export.samples import inputs_of
 from shoot.training.planning.task import PlanningModule
 
 AHEAD = np.array(
@@ -36,11 +36,6 @@ CARD: dict[str, Any] = {
 }
 # Feature cell (row 1, column 2) looks 8 px to the right of the axis and 4 px below it.
 INTRINSICS = np.array([[16.0, 0.0, 11.5], [0.0, 16.0, 7.5], [0.0, 0.0, 1.0]])
-
-
-@pytest.fixture(scope="module")
-def exported(tiny_run: TinyRun) -> Exported:
-    return export_tiny(tiny_run)
 
 
 def test_a_point_worked_out_by_hand() -> None:

@@ -1,35 +1,24 @@
 """The ONNX file in onnxruntime: PyTorch's probabilities, by standard operators only."""
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from exported_run import Exported, export_tiny
-from world_fixture import TinyRun
+from exported_run import Exported
 
 from lss_core.batch import Batch
 from lss_core.errors import DataError
 from shoot.export import onnx_file
-from shoot.export.card import inputs_of, make_card, write_card
+from shoot.export.card import make_card, write_card
 from shoot.export.numpy_inputs import make_splat_index
 from shoot.export.onnx_file import OPSET, write_onnx
+from shoot.export.samples import inputs_of
 
 onnx = pytest.importorskip("onnx")
 onnxruntime = pytest.importorskip("onnxruntime")
-
-
-@pytest.fixture(scope="module")
-def exported(tiny_run: TinyRun) -> Exported:
-    return export_tiny(tiny_run)
-
-
-@pytest.fixture(scope="module")
-def file(exported: Exported, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("exported") / "planner.onnx"
-    write_onnx(exported.graph, path)
-    return path
 
 
 def probabilities(file: Path, card: dict, sensors: Batch) -> np.ndarray:
@@ -48,24 +37,24 @@ def top10(prob: np.ndarray) -> list[set[int]]:
 
 @pytest.mark.parametrize("missing", [(), (1,), (0, 4)])
 def test_onnxruntime_says_what_pytorch_says(
-    exported: Exported, file: Path, missing: tuple[int, ...]
+    exported: Exported, onnx_planner: Path, missing: tuple[int, ...]
 ) -> None:
     sensors = exported.without(*missing)
     expected = exported.expected(sensors)
     assert expected.std() > 0.005
     assert np.abs(expected - exported.expected(exported.without(2))).max() > 1e-3
-    prob = probabilities(file, exported.card, sensors)
+    prob = probabilities(onnx_planner, exported.card, sensors)
     np.testing.assert_allclose(prob, expected, rtol=0.0, atol=1e-4)
     assert top10(prob) == top10(expected)
 
 
 def test_rigs_of_other_numbers_of_cameras_and_lists_of_fixed_length(
-    exported: Exported, file: Path
+    exported: Exported, onnx_planner: Path
 ) -> None:
     """A camera that is not there and one that is masked are the same."""
     sensors, card = exported.sensors, exported.card
     expected = exported.expected(exported.without(0, 3, 5))
-    session = onnxruntime.InferenceSession(file, providers=["CPUExecutionProvider"])
+    session = onnxruntime.InferenceSession(onnx_planner, providers=["CPUExecutionProvider"])
     kept = [1, 2, 4]
     calibration = [
         part[0, kept].numpy() for part in (sensors.pixel_from_camera, sensors.ego_from_camera)
@@ -76,8 +65,8 @@ def test_rigs_of_other_numbers_of_cameras_and_lists_of_fixed_length(
     np.testing.assert_allclose(prob, expected[:1], rtol=0.0, atol=1e-4)
 
 
-def test_standard_operators_only_and_no_sequences(file: Path) -> None:
-    model = onnx.load(file)
+def test_standard_operators_only_and_no_sequences(onnx_planner: Path) -> None:
+    model = onnx.load(onnx_planner)
     onnx.checker.check_model(model, full_check=True)
     assert [(opset.domain, opset.version) for opset in model.opset_import] == [("", OPSET)]
     assert OPSET >= 17
@@ -92,8 +81,10 @@ def test_standard_operators_only_and_no_sequences(file: Path) -> None:
     }
 
 
-def test_inputs_and_outputs_have_their_names_and_sizes(exported: Exported, file: Path) -> None:
-    graph = onnx.load(file).graph
+def test_inputs_and_outputs_have_their_names_and_sizes(
+    exported: Exported, onnx_planner: Path
+) -> None:
+    graph = onnx.load(onnx_planner).graph
     shapes = {
         value.name: [d.dim_param or d.dim_value for d in value.type.tensor_type.shape.dim]
         for value in (*graph.input, *graph.output)
@@ -107,8 +98,8 @@ def test_inputs_and_outputs_have_their_names_and_sizes(exported: Exported, file:
     }
 
 
-def test_the_file_tells_nothing_of_the_machine_it_was_made_on(file: Path) -> None:
-    content = file.read_bytes()
+def test_the_file_tells_nothing_of_the_machine_it_was_made_on(onnx_planner: Path) -> None:
+    content = onnx_planner.read_bytes()
     assert str(Path(onnx_file.__file__).parents[2]).encode() not in content
     assert b"site-packages" not in content
 
@@ -139,8 +130,11 @@ assert "torch" not in sys.modules
 """
 
 
-def test_numpy_and_onnxruntime_are_all_that_is_needed(exported: Exported, file: Path) -> None:
-    folder, sensors = file.parent, exported.without(3)
+def test_numpy_and_onnxruntime_are_all_that_is_needed(
+    exported: Exported, onnx_planner: Path, tmp_path: Path
+) -> None:
+    folder, sensors = tmp_path, exported.without(3)
+    shutil.copy(onnx_planner, folder / "planner.onnx")
     write_card(make_card(exported.run, exported.graph), folder / "planner.json")
     helper = Path(onnx_file.__file__).with_name("numpy_inputs.py")
     (folder / "numpy_inputs.py").write_bytes(helper.read_bytes())
