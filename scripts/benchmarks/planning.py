@@ -1,6 +1,7 @@
 """The whole planner at paper size: one sample planned, and one step trained."""
 
 import os
+import tempfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -14,10 +15,15 @@ from benchmarks import paper_size
 from lss_core.batch import Batch
 from lss_core.camera import frustum_points
 from lss_core.splat_reference import lift_splat_cumsum
+from shoot.export import PlannerGraph, make_card, write_onnx
+from shoot.export.int8 import open_session
+from shoot.export.samples import inputs_of
 from shoot.prediction.fast import FastPlanner
+from shoot.prediction.run import TrainedRun
 from shoot.templates import TemplateSet
 from shoot.training.allocation import keep_freed_memory
 from shoot.training.planning.config import PAPER, TrainConfig
+from shoot.training.planning.run_folder import PlanningRun
 from shoot.training.planning.task import PlanningModule
 from shoot.training.precision import fastest_precision
 
@@ -70,6 +76,28 @@ def uncompiled_plan() -> Callable[[], Tensor]:
     keep_freed_memory()
     planner, sensors = FastPlanner(new_module(), compiled=False), paper_size.batch(1)
     return lambda: planner(sensors).softmax(dim=-1)
+
+
+def onnx_plan() -> Callable[[], Any]:
+    """The same by onnxruntime on the exported file, its splat index made once; float32."""
+    sensors = paper_size.batch(1)
+    run = TrainedRun(
+        CONFIG, TemplateSet.load(TEMPLATES), new_module(), PlanningRun(TEMPLATES.parent)
+    )
+    graph = PlannerGraph(run.module)
+    inputs = inputs_of(make_card(run, graph), sensors, 0)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "planner.onnx"
+        write_onnx(graph, file)
+        session = open_session(file)
+    return lambda: session.run(["probabilities"], inputs)[0]
+
+
+def onnx_change() -> float:
+    """The largest change of a probability between PyTorch's float32 and onnxruntime."""
+    with torch.no_grad():
+        expected = new_module().eval()(paper_size.batch(1)).softmax(dim=-1).numpy()
+    return float(abs(onnx_plan()() - expected).max())
 
 
 def first_plan(compiler_cache: Path) -> None:

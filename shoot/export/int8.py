@@ -107,11 +107,20 @@ def run_file(file: Path, samples: Iterable[Inputs]) -> NDArray[np.float32]:
     Raises:
         DataError: If packages are missing.
     """
-    import_onnx()
-    import onnxruntime
-
-    session = onnxruntime.InferenceSession(file, providers=["CPUExecutionProvider"])
+    session = open_session(file)
     prob: NDArray[np.float32] = np.concatenate(
         [session.run(["probabilities"], inputs)[0] for inputs in samples]
     )
     return prob
+
+
+def open_session(file: Path) -> Any:
+    """A session of onnxruntime on this machine's CPU.
+
+    Raises:
+        DataError: If packages are missing.
+    """
+    import_onnx()
+    import onnxruntime
+
+    return onnxruntime.InferenceSession(file, providers=["CPUExecutionProvider"])
