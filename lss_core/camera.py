@@ -58,8 +58,8 @@ def frustum_points(
     with torch.autocast(device.type, enabled=False), torch.no_grad():
         depth_m = torch.as_tensor(depths_m, dtype=torch.float64, device=device)
         first_u, first_v = (centers, centers) if isinstance(centers, str) else centers
-        u_px = _cell_centres(width_px, stride, first_u, device)
-        v_px = _cell_centres(height_px, stride, first_v, device)
+        u_px = cell_centres(width_px, stride, first_u, device)
+        v_px = cell_centres(height_px, stride, first_v, device)
         v_grid, u_grid = torch.meshgrid(v_px, u_px, indexing="ij")
         pixels = torch.stack([u_grid, v_grid, torch.ones_like(u_grid)], dim=-1)  # H W 3
         camera_from_pixel = _inverse(pixel_from_camera.double())
@@ -72,13 +72,20 @@ def frustum_points(
         return points.float()
 
 
-def _cell_centres(
+def cell_centres(
     length_px: int,
     stride: int,
     centers: Literal["cell", "released"] | Float[Tensor, ""],
     device: torch.device,
 ) -> Float[Tensor, "S"]:
-    """Pixel coordinate that each feature cell along one side stands for."""
+    """Pixel coordinate that each feature cell along one side stands for, float64.
+
+    Args:
+        length_px: Of that side, a whole multiple of `stride`.
+        stride: Pixels per feature cell.
+        centers: As in `frustum_points`, of this axis.
+        device: Where they are made.
+    """
     count = length_px // stride
     if centers == "released":
         return torch.linspace(0.0, length_px - 1.0, count, dtype=torch.float64, device=device)

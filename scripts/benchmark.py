@@ -1,6 +1,6 @@
 """Times what users get against straightforward code, in turn, and says whether all ratios hold.
 
-    python scripts/benchmark.py [--rows splat plan step loader index fit drive] [--growth]
+    python scripts/benchmark.py [--rows splat plan export step loader index fit drive] [--growth]
     python scripts/benchmark.py --device cuda [--rows splat plan step]
 
 Exit status 0 only if every ratio and every check holds, 2 if there is no such device. Results of an

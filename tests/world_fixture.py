@@ -29,6 +29,7 @@ from shoot.cli import (
     check,
     convert,
     evaluate,
+    export,
     fit_templates,
     make_world,
     plan,
@@ -54,6 +55,7 @@ COMMANDS: dict[str, Callable[[], None]] = {
     "shoot-simulate": simulate.main,
     "shoot-view": view.main,
     "shoot-convert": convert.main,
+    "shoot-export": export.main,
 }
 
 # An epoch of the baseline of past motion, which most tests evaluate and few ask about: its own

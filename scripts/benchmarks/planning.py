@@ -1,6 +1,7 @@
 """The whole planner at paper size: one sample planned, and one step trained."""
 
 import os
+import tempfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -14,10 +15,15 @@ from benchmarks import paper_size
 from lss_core.batch import Batch
 from lss_core.camera import frustum_points
 from lss_core.splat_reference import lift_splat_cumsum
+from shoot.export import PlannerGraph, make_card, write_onnx
+from shoot.export.int8 import open_session
+from shoot.export.samples import inputs_of
 from shoot.prediction.fast import FastPlanner
+from shoot.prediction.run import TrainedRun
 from shoot.templates import TemplateSet
 from shoot.training.allocation import keep_freed_memory
 from shoot.training.planning.config import PAPER, TrainConfig
+from shoot.training.planning.run_folder import PlanningRun
 from shoot.training.planning.task import PlanningModule
 from shoot.training.precision import fastest_precision
 
@@ -70,6 +76,35 @@ def uncompiled_plan() -> Callable[[], Tensor]:
     keep_freed_memory()
     planner, sensors = FastPlanner(new_module(), compiled=False), paper_size.batch(1)
     return lambda: planner(sensors).softmax(dim=-1)
+
+
+def onnx_plan() -> Callable[[], Any]:
+    """The same by onnxruntime on the exported file, its splat index made once; float32."""
+    return _in_onnxruntime(new_module(), paper_size.batch(1))
+
+
+def onnx_change() -> tuple[float, float]:
+    """The largest change of a probability from PyTorch's float32 to onnxruntime; the largest one.
+
+    Of a planner whose costs differ as a trained one's do.
+    """
+    module, sensors = new_module().eval(), paper_size.batch(1)
+    with torch.no_grad():
+        module.model.bev_encoder.head.weight *= 1e4
+        expected = module(sensors).softmax(dim=-1).numpy()
+    found = _in_onnxruntime(module, sensors)()
+    return float(abs(found - expected).max()), float(expected.max())
+
+
+def _in_onnxruntime(module: PlanningModule, sensors: Batch) -> Callable[[], Any]:
+    run = TrainedRun(CONFIG, TemplateSet.load(TEMPLATES), module, PlanningRun(TEMPLATES.parent))
+    graph = PlannerGraph(module)
+    inputs = inputs_of(make_card(run, graph), sensors, 0)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "planner.onnx"
+        write_onnx(graph, file)
+        session = open_session(file)
+    return lambda: session.run(["probabilities"], inputs)[0]
 
 
 def first_plan(compiler_cache: Path) -> None:

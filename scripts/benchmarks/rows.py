@@ -184,6 +184,26 @@ def plan_rows(setting: Setting) -> Iterator[Row]:
     )
 
 
+def export_rows(setting: Setting) -> Iterator[Row]:
+    """Images of one sample to probabilities, in another runtime."""
+    change, largest = planning.onnx_change()
+    yield Row(
+        "images to probabilities by onnxruntime, one sample",
+        "FastPlanner",
+        "the exported ONNX file in float32, splat index kept",
+        compare(planning.fast_plan, planning.onnx_plan, setting.repeats, 3, 3),
+        0.0,  # stated, not asked for: the runtime is not ours
+        planning.plan_flop() / setting.machine.float32_flops,
+        (
+            Check(
+                f"a probability is at most {change:.0e} off PyTorch's in float32 (at most 1e-4); "
+                f"the largest is {largest:.2f}",
+                change <= 1e-4,
+            ),
+        ),
+    )
+
+
 def step_rows(setting: Setting) -> Iterator[Row]:
     """A training step, batch 4."""
     data = setting.folder / "learning"
@@ -397,6 +417,7 @@ def _workers(root: Path, cache: Path, num_workers: int) -> Callable[[], float]:
 ROWS: dict[str, Callable[[Setting], Iterator[Row]]] = {
     "splat": splat_rows,
     "plan": plan_rows,
+    "export": export_rows,
     "step": step_rows,
     "loader": loader_rows,
     "fit": fit_rows,

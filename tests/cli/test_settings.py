@@ -21,6 +21,7 @@ from shoot.cli.check import CheckConfig, CheckedData
 from shoot.cli.convert import Argoverse2, Comma2k19, KittiOdometry, KittiRaw
 from shoot.cli.demo import DemoConfig
 from shoot.cli.evaluate import EvaluateConfig
+from shoot.cli.export import ExportConfig
 from shoot.cli.fit_templates import DataSource, FitTemplatesConfig
 from shoot.cli.plan import PlanConfig
 from shoot.cli.render import RenderConfig
@@ -104,6 +105,7 @@ IMPOSSIBLE: dict[type, dict[str, tuple[Any, ...]]] = {
         "top": COUNT,
         "rate_hz": (0, -1, 10**4),
     },
+    ExportConfig: {"int8": COUNT},
     SimulateConfig: {
         "routes": COUNT,
         "seed": SEED,
@@ -165,6 +167,7 @@ MAKE: dict[type, Callable[..., Any]] = {
     RenderConfig: partial(RenderConfig, "run", "pictures"),
     PlanConfig: partial(PlanConfig, Path("rig.yaml"), ("FRONT=front.jpg",)),
     EvaluateConfig: partial(EvaluateConfig, "run"),
+    ExportConfig: partial(ExportConfig, "run"),
     CheckConfig: partial(CheckConfig, CheckedData("data")),
     CheckedData: partial(CheckedData, "data"),
     MakeWorldConfig: partial(MakeWorldConfig, Path("world")),
@@ -184,6 +187,7 @@ COMMANDS = (
     Argoverse2,
     Comma2k19,
     PlanConfig,
+    ExportConfig,
 )
 
 

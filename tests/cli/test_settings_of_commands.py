@@ -80,6 +80,7 @@ def test_a_stride_that_is_none(stride: int, tiny_run: TinyRun, tmp_path: Path) -
         ("shoot-make-world", ["world", "--workers", 0]),
         ("shoot-simulate", ["run", "--routes", 0]),
         ("shoot-view", ["run", "--out", "scene.html", "--scene", ""]),
+        ("shoot-export", ["run", "--onnx", "planner.onnx", "--int8", 0]),
     ],
 )
 def test_other_commands_do_not_begin(name: str, flags: list[Any]) -> None:
