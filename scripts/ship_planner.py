@@ -110,7 +110,8 @@ def _card(run: PlanningRun, report: dict[str, Any]) -> str:
         "scenes, differences paired. Made by `shoot-evaluate` on the validation split.*",
         "",
         "**Limits.** A simple city: nothing speaks for its being of use on photographs. One rig,",
-        "one image size. It sees one moment, so no speed and no route. A study object that plans",
+        "one image size. It sees one moment and no route; the speed it reads from the poses of its",
+        "cameras, which fire one after the other. A study object that plans",
         "open loop; nothing that may steer a car.",
     ]
     return "\n".join(lines) + "\n"

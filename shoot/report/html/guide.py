@@ -10,7 +10,7 @@ from shoot.trajectories import HORIZON_S
 
 # Methods with other names are listed without a word.
 METHOD_NOTES: Final = {
-    "model": "the trained planner: camera images in; it is told no speed, command or map",
+    "model": "the trained planner: camera images and poses in; it is told no speed, command or map",
     "prior": "how often each template was driven in training; sees nothing",
     "speed_prior": "the same at about the speed of now; knows the speed, sees nothing",
     "standing_still": "stays where it is; sees nothing",
