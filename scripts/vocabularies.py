@@ -34,8 +34,8 @@ class VocabulariesConfig:
     """What to run, and where.
 
     Attributes:
-        folder: For data set, template files and runs; 10 GB. A data set that is there, `world` with
-            its splits.json, is taken as it is.
+        folder: For data set, template files and runs; 10 GB. A data set that is there (`world`) is
+            taken as it is.
         part: Coverage, which needs tables only, or planners.
         only: Vocabularies or runs on them, as `cover-1000` or `kmeans-250-0`; all if not given.
         jobs: Runs side by side; each gets its share of the cores.
@@ -68,7 +68,7 @@ def vocabularies(config: VocabulariesConfig) -> list[str]:
     place = Place(config.folder, config.records / "planners", "runs")
     coverage = config.records / "coverage"
     if not config.tables_only:
-        if not (place.world / VERSION / "splits.json").exists():
+        if not (place.world / VERSION / "scene.json").exists():
             workers = len(os.sched_getaffinity(0))
             sizes = config.train_scenes, config.val_scenes
             make_data(place.world, *sizes, workers, "keyframes")

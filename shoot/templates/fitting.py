@@ -55,8 +55,8 @@ def fit_templates(
     points = clusters.centres.reshape(k, *futures.shape[1:]).astype(np.float32)
     fitted = TemplateSet(points=points, dt_s=dt_s, counts=np.zeros(k, dtype=np.int64))
     counts = np.bincount(fitted.nearest(futures), minlength=k)
-    method = "K-Means, from coarse to fine"
-    return _template_set(points, dt_s, counts, seed, clusters.inertia, method)
+    said = "K-Means, from coarse to fine"
+    return _template_set(points, dt_s, counts, seed, clusters.inertia, said)
 
 
 def fit_templates_stream(

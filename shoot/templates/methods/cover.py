@@ -16,7 +16,7 @@ logger = logging.getLogger(__name__)
 
 # The greedy choice is made among so many futures, as far from each other as can be.
 CANDIDATES_PER_TEMPLATE = 5
-_MIN_CANDIDATES = 2000
+_MIN_CANDIDATES = 500
 # An epsilon found to this ratio, or a cover that wants this share of the templates, is good enough.
 _RATIO = 1.02
 _MIN_SHARE = 0.98
@@ -86,7 +86,7 @@ class Candidates:
 
 
 def candidates(futures: DistinctFutures, left: NDArray[np.int64], k: int) -> Candidates:
-    """The farthest points of some rows of futures: 5 for each of k templates, 2000 at least."""
+    """The farthest points of some rows of futures: 5 for each of k templates, 500 at least."""
     size = min(len(left), max(_MIN_CANDIDATES, CANDIDATES_PER_TEMPLATE * k))
     if size == len(left):
         return Candidates(left, futures.counts[left])
