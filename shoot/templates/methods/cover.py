@@ -42,7 +42,7 @@ class Cover:
 def fit_cover(futures: DistinctFutures, k: int) -> Cover:
     """A cover by k futures, with the smallest epsilon that bisection finds.
 
-    Paper: CoverNet (Phan-Minh et al., CVPR 2020), section 3.2: a greedy approximation of the least
+    Paper: CoverNet (Phan-Minh et al., CVPR 2020): a greedy approximation of the least
     set that covers. There epsilon is given and the size comes out; here it is searched so that the
     size is at most k. What is missing to k are the farthest points (L2) from those that cover.
 

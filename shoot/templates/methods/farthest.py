@@ -44,8 +44,7 @@ def farthest_points(points: FloatArray, k: int, chosen: Sequence[int] = ()) -> F
             rows[number] = row
             # Who is nearer to its own than half the way from there to the new one stays there.
             apart = ((points[rows[: number + 1]] - points[row]) ** 2).sum(axis=1)
-            near = squared > 0.25 * apart[nearest]
-            asked = np.flatnonzero(near) if number else np.arange(len(points))
+            asked = np.flatnonzero(squared > 0.25 * apart[nearest])
             new = ((points[asked] - points[row]) ** 2).sum(axis=1)
             is_nearer = new < squared[asked]
             squared[asked[is_nearer]] = new[is_nearer]

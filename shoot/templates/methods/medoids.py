@@ -40,6 +40,7 @@ def medoids(futures: DistinctFutures, k: int, seed: int) -> NDArray[np.int64]:
     least = np.inf
     for number in range(MAX_ROUNDS):
         nearest = pairwise_distances_argmin(flat, flat[rows])
+        nearest[rows] = np.arange(k)  # also beside one that differs by rounding only
         rows, total_m = _best_members(flat, futures.counts, nearest, rows)
         logger.info("k-medoids, round %d: %.6g m in all", number + 1, total_m)
         if total_m >= least:
