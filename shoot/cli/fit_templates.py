@@ -78,4 +78,8 @@ def _without_data(given: TemplateSet) -> MadeTemplates:
 
 def main() -> None:
     """Entry point."""
-    run(FitTemplatesConfig, fit, "Fit K templates to ego futures by K-Means, or take a vocabulary.")
+    run(
+        FitTemplatesConfig,
+        fit,
+        "Fit K templates to ego futures, by K-Means or otherwise, or take a vocabulary.",
+    )

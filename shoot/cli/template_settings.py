@@ -7,6 +7,7 @@ import tyro
 
 from lss_core.bounds import Bounds, Seed, SettingError, check_settings
 from lss_core.config import CAMERAS, check_cameras
+from shoot.templates.methods import Method
 from shoot.trajectories import DT_S, HORIZON_S, whole_steps
 
 NumTemplates = Annotated[int, Bounds(1, 1_000_000)]
@@ -51,7 +52,10 @@ class FitTemplatesConfig:
         split: Scenes to fit on, or to count.
         coverage_split: Scenes to measure coverage on as well, if the data set has them.
         k: Number of templates to fit.
-        seed: Of K-Means.
+        method: How: K-Means; farthest points; a cover, within the smallest distance that K
+            trajectories can keep from all; K-medoids; or paths times speed profiles. See
+            docs/templates.md.
+        seed: Of K-Means; farthest points and covers have no chance in them.
         stream: Never hold all futures at once: mini-batch K-Means, 50 scenes at a time, for data
             sets whose futures do not fit into memory. The card says what is given up at most.
         dask: Address of a dask scheduler, as tcp://host:8786; its workers then mine the futures.
@@ -66,6 +70,7 @@ class FitTemplatesConfig:
     split: str = "train"
     coverage_split: str = "val"
     k: NumTemplates = 1000
+    method: Method = "kmeans"
     seed: Seed = 0
     stream: bool = False
     dask: str | None = None
@@ -78,6 +83,11 @@ class FitTemplatesConfig:
                     "dt_s is not given, but a vocabulary does not tell the time between its "
                     "points: at 10 Hz, --dt-s 0.1."
                 )
+        elif self.stream and self.method != "kmeans":
+            raise SettingError(
+                f"stream is set, but '{self.method}' needs all futures at once; only kmeans takes "
+                "them as a stream."
+            )
         elif self.data.root is None:
             raise SettingError(
                 "data.root is not given; name the data set to fit to, or a vocabulary (--from)."

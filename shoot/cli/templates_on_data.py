@@ -68,7 +68,7 @@ def templates_on_data(config: FitTemplatesConfig, given: TemplateSet | None) -> 
         templates, shown = _fit_stream(index.sample_scene[rows], rows, mine, config)
     else:
         shown = mine(rows)
-        templates = fit_templates(shown, config.k, config.seed, config.step_s)
+        templates = fit_templates(shown, config.k, config.seed, config.step_s, config.method)
     num_left_out = num_starts - templates.card["num_futures"]
     print(
         f"Mined {templates.card['num_futures']} starts in {len(scenes)} scenes of "

@@ -1,4 +1,4 @@
-"""Fits templates to recorded futures by K-Means."""
+"""Fits templates to recorded futures: by K-Means, of all or of a stream, or another method."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
@@ -11,20 +11,28 @@ from lss_core.bounds import MAX_SEED
 from lss_core.errors import DataError
 from lss_core.geometry import FloatArray
 from shoot.clustering import cluster, cluster_stream
+from shoot.templates.methods import Method, TemplateChoice, choose_templates
 from shoot.templates.template_set import TemplateSet
 from shoot.trajectories import DT_S, HORIZON_S, check_futures
 
 
-def fit_templates(futures: FloatArray, k: int, seed: int, dt_s: float | None = None) -> TemplateSet:
-    """K-Means centres of futures, most frequent first.
+def fit_templates(
+    futures: FloatArray,
+    k: int,
+    seed: int,
+    dt_s: float | None = None,
+    method: Method = "kmeans",
+) -> TemplateSet:
+    """K-Means centres of futures, or templates made by another method, most frequent first.
 
-    Paper: section 5.6 (K = 1000 on all ego trajectories of the training set).
+    Paper: section 5.6 (K-Means, K = 1000 on all ego trajectories of the training set).
 
     Args:
         futures: [M, T, 2] metres in the ego frame of each start.
         k: Number of templates.
         seed: Of the K-Means initialisation; same futures and seed, same templates.
         dt_s: Time between their points; needed unless they are of 5 s, every 0.25 s.
+        method: Which; see docs/templates.md.
 
     Raises:
         DataError: If there are fewer futures than templates, too few distinct ones, or futures that
@@ -41,12 +49,14 @@ def fit_templates(futures: FloatArray, k: int, seed: int, dt_s: float | None = N
     distinct = len(np.unique(np.round(flat, 6), axis=0))
     if distinct < k:
         raise DataError(f"Only {distinct} of the trajectories differ; choose a k of at most that.")
+    if method != "kmeans":
+        return _chosen(futures, choose_templates(futures, k, seed, dt_s, method), seed, dt_s)
     clusters = cluster(flat, k, seed)
     points = clusters.centres.reshape(k, *futures.shape[1:]).astype(np.float32)
     fitted = TemplateSet(points=points, dt_s=dt_s, counts=np.zeros(k, dtype=np.int64))
     counts = np.bincount(fitted.nearest(futures), minlength=k)
-    method = "K-Means, from coarse to fine"
-    return _template_set(points, dt_s, counts, seed, clusters.inertia, method)
+    said = "K-Means, from coarse to fine"
+    return _template_set(points, dt_s, counts, seed, clusters.inertia, said)
 
 
 def fit_templates_stream(
@@ -91,6 +101,17 @@ def fit_templates_stream(
     templates = _template_set(points, step_s, clusters.counts, seed, clusters.inertia, method)
     card = templates.card | {"inertia_given_up_at_most": clusters.given_up}
     return replace(templates, card=card), clusters.sample.reshape(-1, *shape)
+
+
+def _chosen(futures: FloatArray, choice: TemplateChoice, seed: int, dt_s: float) -> TemplateSet:
+    """A template set of what another method than K-Means has made."""
+    points = choice.points.astype(np.float32)
+    made = TemplateSet(points, dt_s, np.zeros(len(points), dtype=np.int64))
+    nearest = made.nearest(futures)
+    inertia_m2 = float(((futures - points[nearest]) ** 2).sum())
+    counts = np.bincount(nearest, minlength=len(points))
+    made = _template_set(points, dt_s, counts, seed, inertia_m2, choice.method)
+    return replace(made, card=made.card | {"settings": choice.settings})
 
 
 def _check_seed(seed: int) -> None:

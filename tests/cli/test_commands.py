@@ -16,6 +16,7 @@ from world_fixture import (
     SAMPLES_A_SCENE,
     TinyRun,
     command,
+    complaint,
     train_flags,
 )
 
@@ -169,6 +170,19 @@ def test_fit_templates_as_a_stream(tiny_run: TinyRun, tmp_path: Path) -> None:
     card = json.loads(out.with_suffix(".json").read_text())
     assert (card["k"], card["num_futures"], card["num_left_out"]) == (10, 84, 200)
     assert f"{100 * card['inertia_given_up_at_most']:.0f} %" in said.out
+
+
+@pytest.mark.parametrize("method", ["farthest", "cover", "medoids", "factored"])
+def test_fit_templates_by_another_method(method: str, tiny_run: TinyRun, tmp_path: Path) -> None:
+    out = tmp_path / "ten.npz"
+    fit = ("shoot-fit-templates", "--data.root", tiny_run.root, "--out", out, "--k", 10)
+    said = command(*fit, "--method", method)
+    assert said.status == 0, said.err
+    card = json.loads(out.with_suffix(".json").read_text())
+    assert (card["k"], card["seed"], card["num_futures"]) == (10, 0, 84)
+    assert card["settings"]
+    assert card["coverage"]["val"]["count"] == 63
+    assert "only kmeans takes" in complaint(command(*fit, "--method", method, "--stream"))
 
 
 @pytest.mark.trains

@@ -1,0 +1,1 @@
+"""Vocabularies, records and tables of scripts/vocabularies.py."""
