@@ -6,9 +6,13 @@ from typing import Any
 import numpy as np
 from scipy.stats import rankdata
 
-from shoot.metrics.bootstrap import NUM_DRAWS, SEED, Interval
+from shoot.metrics.bootstrap import SEED, Interval
 
 Array = np.ndarray[Any, np.dtype[Any]]
+
+
+# Ranks are sorted anew in each.
+_NUM_DRAWS = 1000
 
 
 def rank_correlation(x: Array, y: Array) -> float:
@@ -24,7 +28,7 @@ def correlate(
     scores: Array,
     towns: Sequence[int],
     groups: Sequence[str],
-    num_draws: int = NUM_DRAWS,
+    num_draws: int = _NUM_DRAWS,
 ) -> Interval:
     """Rank correlation between figures and mean driving scores, with its 95 % interval.
 

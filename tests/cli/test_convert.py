@@ -36,8 +36,8 @@ def comma2k19(src: Path) -> None:
     ("kind", "write", "cameras"),
     [
         ("kitti-raw", kitti_raw, ("CAM_FRONT", "CAM_FRONT_STEREO")),
-        ("argoverse2", argoverse2, tuple(LOOKS)),
-        ("comma2k19", comma2k19, ("CAM_FRONT",)),
+        pytest.param("argoverse2", argoverse2, tuple(LOOKS), marks=pytest.mark.full),
+        pytest.param("comma2k19", comma2k19, ("CAM_FRONT",), marks=pytest.mark.full),
     ],
 )
 def test_a_converted_data_set_is_sound_and_planned_with(

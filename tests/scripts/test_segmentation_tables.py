@@ -146,7 +146,7 @@ def test_a_run_is_asked_with_another_rig(scripts: Any, tiny_segmenter: TinySegme
     assert "| 21.35 | 22.59 |" in table
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_a_run_is_trained_evaluated_and_recorded(
     scripts: Any, tiny_segmenter: TinySegmenter, tmp_path: Path
 ) -> None:
