@@ -23,7 +23,8 @@ from benchmarks import gpu
 from benchmarks.growth import LARGEST_EXPONENT, Growth, all_growth
 from benchmarks.growth_figure import draw_growth
 from benchmarks.machine import Machine, measure
-from benchmarks.rows import ROWS, Row, Setting
+from benchmarks.row import Row, Setting
+from benchmarks.rows import ROWS
 
 from lss_core.bounds import Count, check_settings
 from lss_core.errors import DataError

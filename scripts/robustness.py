@@ -25,10 +25,10 @@ from robustness_table.curves_figure import draw_curves
 from robustness_table.missing_figure import draw_missing
 from robustness_table.page import write_tables
 from robustness_table.rig_figure import draw_rig
-from run_queue import Place, is_trained, load_records, run_all, run_script, save_record
+from run_queue import Place, QueueConfig, is_trained, load_records, run_all, run_script, save_record
 from segmentation_table.records import SEGMENTATIONS
 
-from lss_core.bounds import Bounds, Count, Workers, check_settings
+from lss_core.bounds import Count
 
 logger = logging.getLogger(__name__)
 
@@ -39,36 +39,20 @@ _TABLES = {"segmentation": "segmentation", "planning": ""}
 
 
 @dataclass(frozen=True)
-class RobustnessConfig:
+class RobustnessConfig(QueueConfig):
     """What to run, and where.
 
     Attributes:
         folder: For data set and runs; that of table6.py has the data set.
         task: Which runs; both if not given.
-        jobs: Runs side by side; each gets its share of the cores.
         every: Every so many validation samples are asked about.
         records: Folder of the records.
-        pages: Folder of README.md and docs/, where the tables stand between markers, and the
-            pictures in docs/images/.
-        tables_only: Make tables and pictures from the records and end.
-        train_scenes: Scenes to train on.
-        val_scenes: Scenes to evaluate on.
-        flags: More arguments of shoot-train, for trials.
     """
 
     folder: Annotated[Path, tyro.conf.Positional] = Path("runs/table6")
     task: tuple[Task, ...] = ("segmentation", "planning")
-    jobs: Workers = 2
     every: Count = 3
     records: Path = Path("docs/results/robustness")
-    pages: Path = Path()
-    tables_only: bool = False
-    train_scenes: Annotated[int, Bounds(1, 700)] = 700
-    val_scenes: Annotated[int, Bounds(1, 150)] = 100
-    flags: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        check_settings(self)
 
 
 def robustness(config: RobustnessConfig) -> list[str]:

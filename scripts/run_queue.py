@@ -11,10 +11,12 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Annotated, Any, NoReturn
 
+import tyro
 from benchmarks.machine import processor_name
 
+from lss_core.bounds import Bounds, Workers, check_settings
 from lss_core.files import write_atomically
 
 logger = logging.getLogger(__name__)
@@ -90,6 +92,32 @@ class Kind:
     evaluate_flags: Callable[[Path], Sequence[str]]
     record_of: Callable[[Experiment, Path, int], Record]
     told: Callable[[Record], str]
+
+
+@dataclass(frozen=True)
+class QueueConfig:
+    """Where a queue of runs works, and how large its data set is.
+
+    Attributes:
+        folder: For data set and runs.
+        jobs: Runs side by side; each gets its share of the cores.
+        pages: Folder of README.md and docs/, where the tables stand between markers.
+        tables_only: Make the tables from the records and end.
+        train_scenes: Scenes to train on.
+        val_scenes: Scenes to evaluate on.
+        flags: More arguments of shoot-train, for trials.
+    """
+
+    folder: Annotated[Path, tyro.conf.Positional] = Path("runs/table6")
+    jobs: Workers = 2
+    pages: Path = Path()
+    tables_only: bool = False
+    train_scenes: Annotated[int, Bounds(1, 700)] = 700
+    val_scenes: Annotated[int, Bounds(1, 150)] = 100
+    flags: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 def choose(experiments: Sequence[Experiment], only: Sequence[str]) -> list[Experiment]:

@@ -15,42 +15,25 @@ from typing import Annotated
 
 import tyro
 from data_set import make_data
-from run_queue import Place, choose, load_records, run_all, run_script
+from run_queue import Place, QueueConfig, choose, load_records, run_all, run_script
 from segmentation_table.experiments import ALL
 from segmentation_table.page import write_tables
 from segmentation_table.records import SEGMENTATIONS
 
-from lss_core.bounds import Bounds, Workers, check_settings
-
 
 @dataclass(frozen=True)
-class TablesConfig:
+class TablesConfig(QueueConfig):
     """What to run, and where.
 
     Attributes:
         folder: For data set and runs; 22 GB.
         only: Methods or runs, as `oft` or `ours-2`; all if not given.
-        jobs: Runs side by side; each gets its share of the cores.
         records: Folder of the records.
-        pages: Folder of README.md and docs/, where the tables stand between markers.
-        tables_only: Make the tables from the records and end.
-        train_scenes: Scenes to train on.
-        val_scenes: Scenes to evaluate on.
-        flags: More arguments of shoot-train, for trials.
     """
 
     folder: Annotated[Path, tyro.conf.Positional] = Path("runs/table6")
     only: tuple[str, ...] = ()
-    jobs: Workers = 2
     records: Path = Path("docs/results/segmentation")
-    pages: Path = Path()
-    tables_only: bool = False
-    train_scenes: Annotated[int, Bounds(1, 700)] = 700
-    val_scenes: Annotated[int, Bounds(1, 150)] = 100
-    flags: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        check_settings(self)
 
 
 def segmentation_tables(config: TablesConfig) -> list[str]:

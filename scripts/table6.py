@@ -17,45 +17,29 @@ import tyro
 from planning_table.experiments import ALL
 from planning_table.page import write_tables
 from planning_table.work import prepare, run_all
-from run_queue import Place, choose, load_records, run_script
+from run_queue import Place, QueueConfig, choose, load_records, run_script
 
-from lss_core.bounds import Bounds, Workers, check_settings
 from shoot.cli.fit_templates import NumTemplates
 
 
 @dataclass(frozen=True)
-class TableConfig:
+class TableConfig(QueueConfig):
     """What to run, and where.
 
     Attributes:
         folder: For data set, templates and runs; 25 GB.
         only: Planners or runs, as `camera` or `lidar10-2`; all if not given.
-        jobs: Runs side by side; each gets its share of the cores.
         records: Folder of the records.
         again: Folder of the records of the same runs made a second time, which the tables compare;
             may be missing.
-        pages: Folder of README.md and docs/, where the tables stand between markers.
-        tables_only: Make the tables from the records and end.
-        train_scenes: Scenes to train on.
-        val_scenes: Scenes to evaluate on.
         k: Number of templates.
-        flags: More arguments of shoot-train, for trials.
     """
 
     folder: Annotated[Path, tyro.conf.Positional] = Path("runs/table6")
     only: tuple[str, ...] = ()
-    jobs: Workers = 2
     records: Path = Path("docs/results")
     again: Path = Path("docs/results/again")
-    pages: Path = Path()
-    tables_only: bool = False
-    train_scenes: Annotated[int, Bounds(1, 700)] = 700
-    val_scenes: Annotated[int, Bounds(1, 150)] = 100
     k: NumTemplates = 1000
-    flags: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        check_settings(self)
 
 
 def table6(config: TableConfig) -> list[str]:

@@ -17,20 +17,19 @@ from typing import Annotated, Literal
 import tyro
 from data_set import make_data
 from marked_page import fill_pages
-from run_queue import Place, choose, load_records, run_all, run_script, save_record
+from run_queue import Place, QueueConfig, choose, load_records, run_all, run_script, save_record
 from vocabulary_table.coverage import measure, read_drives
 from vocabulary_table.page import all_tables
 from vocabulary_table.planners import ON_VOCABULARIES, make_file
 from vocabulary_table.vocabularies import ALL, TRAINED, runs_on
 
-from lss_core.bounds import Bounds, Workers, check_settings
 from shoot.world.config import VERSION
 
 logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class VocabulariesConfig:
+class VocabulariesConfig(QueueConfig):
     """What to run, and where.
 
     Attributes:
@@ -38,28 +37,13 @@ class VocabulariesConfig:
             taken as it is.
         part: Coverage, which needs tables only, or planners.
         only: Vocabularies or runs on them, as `cover-1000` or `kmeans-250-0`; all if not given.
-        jobs: Runs side by side; each gets its share of the cores.
         records: Folder of the records.
-        pages: Folder of README.md and docs/, where the tables stand between markers.
-        tables_only: Make the tables from the records and end.
-        train_scenes: Scenes to train on.
-        val_scenes: Scenes to evaluate on.
-        flags: More arguments of shoot-train, for trials.
     """
 
     folder: Annotated[Path, tyro.conf.Positional] = Path("runs/vocabularies")
     part: tuple[Literal["coverage", "planners"], ...] = ("coverage", "planners")
     only: tuple[str, ...] = ()
-    jobs: Workers = 2
     records: Path = Path("docs/results/vocabularies")
-    pages: Path = Path()
-    tables_only: bool = False
-    train_scenes: Annotated[int, Bounds(1, 700)] = 700
-    val_scenes: Annotated[int, Bounds(1, 150)] = 100
-    flags: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        check_settings(self)
 
 
 def vocabularies(config: VocabulariesConfig) -> list[str]:

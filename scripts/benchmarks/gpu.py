@@ -21,7 +21,7 @@ from torch.utils.data import DataLoader
 
 from benchmarks import paper_size, planning
 from benchmarks.measuring import Pair, Spread
-from benchmarks.rows import Check, Row
+from benchmarks.row import Check, Row
 from lss_core.batch import Batch
 from lss_core.camera import frustum_points
 from lss_core.splat import build_splat_index, pool

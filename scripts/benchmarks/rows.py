@@ -1,80 +1,19 @@
-"""The table's rows: what is timed against what, and what must hold."""
+"""Makers of the table's rows: what is timed against what, and what must hold."""
 
-import os
-import shutil
 import tempfile
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import torch
 
-from benchmarks import big_tables, driving, fitting, index, learning, lift_splat, loading, planning
-from benchmarks.machine import Machine
+from benchmarks import big_tables, fitting, learning, lift_splat, loading, planning
+from benchmarks.driving import drive_rows
+from benchmarks.index_rows import index_rows
 from benchmarks.measuring import Pair, Side, Spread, compare, measured
+from benchmarks.row import Check, Row, Setting
 from shoot.training.precision import fastest_precision
-
-
-@dataclass(frozen=True)
-class Check:
-    """Something beside the ratio that must hold.
-
-    Attributes:
-        what: In words, with the number that was found.
-        holds: Whether it does.
-    """
-
-    what: str
-    holds: bool
-
-
-@dataclass(frozen=True)
-class Row:
-    """One row of the table.
-
-    Attributes:
-        name: What is done.
-        plain: What the plain side is.
-        fast: What the fast side is.
-        pair: Times, their ratio and memory.
-        required: The least ratio.
-        floor_s: Least time the fast side could take on this machine, where that can be stated.
-        checks: What else must hold.
-    """
-
-    name: str
-    plain: str
-    fast: str
-    pair: Pair
-    required: float
-    floor_s: float | None = None
-    checks: tuple[Check, ...] = field(default=())
-
-    @property
-    def holds(self) -> bool:
-        """Whether ratio and checks do."""
-        return self.pair.ratio.median >= self.required and all(c.holds for c in self.checks)
-
-
-@dataclass(frozen=True)
-class Setting:
-    """What the rows are given.
-
-    Attributes:
-        folder: For worlds, runs and tables; what lies there is used again.
-        machine: Its limits.
-        repeats: Of every pair.
-        images: Data root with 1600 x 900 images; None: made.
-        images_version: Its version.
-    """
-
-    folder: Path
-    machine: Machine
-    repeats: int
-    images: Path | None
-    images_version: str
 
 
 def splat_rows(setting: Setting) -> Iterator[Row]:
@@ -304,114 +243,6 @@ def fit_rows(setting: Setting) -> Iterator[Row]:
             ),
         ),
     )
-
-
-def index_rows(setting: Setting) -> Iterator[Row]:
-    """Index and mining at the size of v1.0-trainval."""
-    root = index.make_tables(setting.folder)
-    index.read_tables(root)  # so that the files stand in the system's memory for both sides
-    read_s, _ = measured(partial(index.read_tables, root))
-    devkit_s, devkit_mb = measured(partial(index.open_devkit, root))
-    cache = setting.folder / "index-cache"
-    builds, starts = [], []
-    for _ in range(3):
-        shutil.rmtree(cache, ignore_errors=True)
-        builds.append(measured(partial(index.build_index, root, cache)))
-        starts.append(measured(partial(index.start, root, cache)))
-    mine_s, _ = measured(partial(index.mine, root, cache))
-    shares = [index.share_of_checks(root, cache / f"checked-{number}") for number in range(3)]
-    checks = float(np.median(shares))
-    build_s = Spread.of([seconds for seconds, _ in builds])
-    start_s = Spread.of([seconds for seconds, _ in starts])
-    yield Row(
-        "first start on tables of 850 scenes, 2.6 M poses: index",
-        "nuscenes-devkit opened",
-        "seven tables read, index built and kept",
-        _against(devkit_s, devkit_mb, build_s, builds[-1][1]),
-        1.0,
-        read_s,
-        (
-            Check(
-                f"checks of poses and calibration take {100.0 * checks:.1f} % of the rest of the "
-                "build (at most 10)",
-                checks <= 0.1,
-            ),
-        ),
-    )
-    one, eight = (_workers_mb(root, cache, num) for num in (1, 8))
-    with_images_s = start_s.high
-    yield Row(
-        "each later start: index, splits, futures of all keyframes",
-        "nuscenes-devkit opened",
-        "index mapped from its cache",
-        _against(devkit_s, devkit_mb, start_s, starts[-1][1]),
-        1.0,
-        None,
-        (
-            Check(f"{with_images_s:.2f} s at most (less than 2)", with_images_s < 2.0),
-            Check(f"futures of all sweeps of 700 scenes {mine_s:.2f} s, index included", True),
-            Check(
-                f"memory of a process with 8 loader workers {eight / one:.2f} times that with one "
-                f"({eight:.0f} and {one:.0f} MB, shared pages counted once)",
-                eight / one <= 1.3,
-            ),
-        ),
-    )
-
-
-def drive_rows(setting: Setting) -> Iterator[Row]:
-    """Routes in closed loop, against the world's own clock."""
-    side = Side(driving.ready)
-    try:
-        side.result()  # loads and warms up
-        taken = [side.result() for _ in range(max(2, setting.repeats // 3))]
-        peak_mb = side.peak_mb()
-    finally:
-        side.close()
-    all_s = Spread.of([one.all_s for one in taken])
-    cameras_s = Spread.of([one.cameras_s for one in taken]).median
-    network_s = Spread.of([one.network_s for one in taken]).median
-    real_s = driving.DURATION_S
-    yield Row(
-        "a route of 20 s in closed loop, one core",
-        "as long as it takes in the world",
-        "shoot-simulate with the shipped planner, traffic answering",
-        Pair(
-            Spread.of([real_s]),
-            all_s,
-            Spread.of([real_s / one.all_s for one in taken]),
-            0.0,
-            peak_mb,
-        ),
-        1.0,
-        None,
-        (
-            Check(
-                f"of it six cameras rendered {cameras_s:.2f} s, the network {network_s:.2f} s; "
-                "town, traffic, reference, score and filmstrip the rest",
-                True,
-            ),
-        ),
-    )
-
-
-def _against(plain_s: float, plain_mb: float, fast_s: Spread, fast_mb: float) -> Pair:
-    """A pair whose plain side takes too long to be repeated."""
-    ratio = Spread(plain_s / fast_s.median, plain_s / fast_s.high, plain_s / fast_s.low)
-    return Pair(Spread.of([plain_s]), fast_s, ratio, plain_mb, fast_mb)
-
-
-def _workers_mb(root: Path, cache: Path, num_workers: int) -> float:
-    side = Side(partial(_workers, root, cache, num_workers))
-    try:
-        return float(side.result())
-    finally:
-        side.close()
-
-
-def _workers(root: Path, cache: Path, num_workers: int) -> Callable[[], float]:
-    os.environ["SHOOT_CACHE"] = str(cache)
-    return loading.workers_mb(root, big_tables.VERSION, num_workers)
 
 
 ROWS: dict[str, Callable[[Setting], Iterator[Row]]] = {

@@ -86,6 +86,7 @@ def all_tables(records: Sequence[Record]) -> dict[str, str]:
     }
     return tables | {
         "pairs": _pair_table(of_modes),
+        "classes": "\n".join(f"- *{name}*: {one.words}." for name, one in FAILINGS.items()),
         "modes": _mode_table(of_modes),
         "open-loop": _correlation_table(of_modes),
     }

@@ -11,13 +11,12 @@ from lss_core.bounds import check_settings
 from lss_core.data.usable import LEFT_OUT, LeftOut, save_left_out
 from lss_core.files import check_writable
 from shoot.cli.app import run
-from shoot.cli.render import OtherData, refuse_settings
+from shoot.cli.asked_run import OtherData, refuse_settings
 from shoot.evaluation.comparison import score, sum_up
 from shoot.evaluation.results import MODEL, Report
 from shoot.evaluation.segmentation.results import SegmentationReport
 from shoot.evaluation.segmentation.scoring import score_segmentation
-from shoot.prediction.run import TrainedRun, open_run
-from shoot.prediction.segmenter import open_segmenter
+from shoot.prediction.run import TrainedRun
 from shoot.report.html import PageDetails, write_page
 from shoot.report.sample_cards import make_cards
 from shoot.report.segmentation_table import format_segmentation
@@ -76,14 +75,7 @@ def evaluate(config: EvaluateConfig) -> Report | SegmentationReport:
 def _evaluate_segmentation(config: EvaluateConfig) -> SegmentationReport:
     of_planners = {"--html": config.html, "--templates": config.templates, "--fast": config.fast}
     refuse_settings(of_planners, config.run)
-    trained = open_segmenter(
-        config.run,
-        config.checkpoint,
-        config.data.root,
-        config.data.version,
-        config.data.skip_bad,
-        config.data.cameras,
-    )
+    trained = config.data.open_segmenter(config.run, config.checkpoint)
     keep_freed_memory()
     samples = trained.task.load_split(trained.config.data, config.split)
     report = score_segmentation(trained, samples, config.split, config.allow_seen_scenes)
@@ -93,15 +85,7 @@ def _evaluate_segmentation(config: EvaluateConfig) -> SegmentationReport:
 
 
 def _evaluate_planner(config: EvaluateConfig) -> Report:
-    trained = open_run(
-        config.run,
-        config.checkpoint,
-        config.data.root,
-        config.data.version,
-        config.templates,
-        config.data.skip_bad,
-        config.data.cameras,
-    )
+    trained = config.data.open_run(config.run, config.checkpoint, config.templates)
     keep_freed_memory()
     scored = score(trained, config.split, config.fast, config.allow_seen_scenes)
     report = sum_up(trained, scored, config.split)

@@ -12,7 +12,7 @@ from lss_core.errors import DataError
 from lss_core.files import check_writable
 from lss_core.legible import legible
 from shoot.cli.app import run
-from shoot.cli.render import OtherData
+from shoot.cli.asked_run import OtherData
 from shoot.export.card import make_card
 from shoot.export.companions import write_companions
 from shoot.export.graph import PlannerGraph
@@ -20,7 +20,7 @@ from shoot.export.int8 import compare_files, quantise
 from shoot.export.onnx_file import OPSET, import_onnx, write_onnx
 from shoot.export.program import write_program
 from shoot.export.samples import read_inputs
-from shoot.prediction.run import TrainedRun, open_run
+from shoot.prediction.run import TrainedRun
 from shoot.training.config import task_of
 from shoot.training.planning.data import LabelledSplit
 from shoot.training.segmentation.config import SegmentConfig
@@ -76,14 +76,7 @@ def export(config: ExportConfig) -> list[Path]:
     _check_asked(config)
     for file in files:
         check_writable(file)
-    trained = open_run(
-        config.run,
-        config.checkpoint,
-        config.data.root,
-        config.data.version,
-        skip_bad=config.data.skip_bad,
-        cameras=config.data.cameras,
-    )
+    trained = config.data.open_run(config.run, config.checkpoint)
     trained.module.cpu()
     graph = PlannerGraph(trained.module)
     card = make_card(trained, graph)

@@ -1,6 +1,6 @@
 """shoot-render: pictures of what a trained run sees, and plans or finds around the car."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
@@ -11,15 +11,13 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from lss_core.bounds import Count, check_settings
-from lss_core.config import DataConfig, check_cameras
+from lss_core.config import DataConfig
 from lss_core.data.samples import SampleIndex, load_index, rows_of_split
 from lss_core.data.tables.file_names import is_plain
 from lss_core.data.usable import LEFT_OUT, Needs, save_left_out
 from lss_core.errors import DataError
-from lss_core.legible import legible
 from shoot.cli.app import run
-from shoot.prediction.run import open_run
-from shoot.prediction.segmenter import open_segmenter
+from shoot.cli.asked_run import OtherData, refuse_settings
 from shoot.rendering import render_sample, render_segmentation, save_figure
 from shoot.report.sample_views import view_sample
 from shoot.report.segmentation_views import view_segmentation
@@ -28,30 +26,6 @@ from shoot.training.planning.data import label_rows
 from shoot.training.segmentation.config import SegmentConfig
 from shoot.training.segmentation.data import label_segments
 from shoot.training.split import SampleSplit
-
-
-@dataclass(frozen=True)
-class OtherData:
-    """Data other than what the run was trained on.
-
-    Attributes:
-        root: Data root; the run's own if not given.
-        version: Version of the tables; the run's own if not given.
-        cameras: Channels that the planner is to see, any number of them; the run's own if not
-            given.
-        skip_bad: Leave out samples whose files are absent or damaged, or whose calibration or poses
-            cannot be, count and list them.
-    """
-
-    root: str | None = None
-    version: str | None = None
-    cameras: tuple[str, ...] | None = None
-    skip_bad: bool = False
-
-    def __post_init__(self) -> None:
-        check_settings(self)
-        if self.cameras is not None:
-            check_cameras(self.cameras)
 
 
 @dataclass(frozen=True)
@@ -93,14 +67,7 @@ def render(config: RenderConfig) -> list[Path]:
     """
     if task_of(Path(config.run)) == SegmentConfig.task:
         return _render_segmentation(config)
-    trained = open_run(
-        config.run,
-        config.checkpoint,
-        config.data.root,
-        config.data.version,
-        skip_bad=config.data.skip_bad,
-        cameras=config.data.cameras,
-    )
+    trained = config.data.open_run(config.run, config.checkpoint)
     data = trained.config.data
     index, rows = _rows(data, config)
     needs = Needs(lidar_scans=max(data.lidar_scans, int(config.lidar)))
@@ -114,14 +81,7 @@ def render(config: RenderConfig) -> list[Path]:
 
 def _render_segmentation(config: RenderConfig) -> list[Path]:
     refuse_settings({"--lidar": config.lidar}, config.run)
-    trained = open_segmenter(
-        config.run,
-        config.checkpoint,
-        config.data.root,
-        config.data.version,
-        config.data.skip_bad,
-        config.data.cameras,
-    )
+    trained = config.data.open_segmenter(config.run, config.checkpoint)
     told = trained.config
     index, rows = _rows(told.data, config)
     split = label_segments(index, rows, told.data, told.model.grid, told.classes, told.rule)
@@ -130,24 +90,6 @@ def _render_segmentation(config: RenderConfig) -> list[Path]:
         return render_segmentation(view_segmentation(trained, split, position))
 
     return _draw_all(split, draw, config)
-
-
-def refuse_settings(given: Mapping[str, object], run: str) -> None:
-    """Check that nothing is asked of a segmentation that only planners can do.
-
-    Args:
-        given: Flag -> what it was set to, if anything.
-        run: Run folder, for the message.
-
-    Raises:
-        DataError: If something is.
-    """
-    flags = [flag for flag, value in given.items() if value]
-    if flags:
-        raise DataError(
-            f"'{legible(run)}' is a segmentation, and {' and '.join(flags)} can be asked of a "
-            "planner only; leave it out."
-        )
 
 
 def _rows(data: DataConfig, config: RenderConfig) -> tuple[SampleIndex, NDArray[np.int64]]:

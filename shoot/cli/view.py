@@ -15,8 +15,7 @@ from lss_core.errors import DataError
 from lss_core.files import check_writable
 from lss_core.legible import legible
 from shoot.cli.app import run
-from shoot.cli.render import OtherData
-from shoot.prediction.run import open_run
+from shoot.cli.asked_run import OtherData
 from shoot.report.viewer.page import write_viewer
 from shoot.report.viewer.scene import MOST_SAMPLES, view_scene
 from shoot.training.config import task_of
@@ -66,14 +65,7 @@ def view(config: ViewConfig) -> Path:
             "it finds with shoot-render."
         )
     check_writable(config.out)
-    trained = open_run(
-        config.run,
-        config.checkpoint,
-        config.data.root,
-        config.data.version,
-        skip_bad=config.data.skip_bad,
-        cameras=config.data.cameras,
-    )
+    trained = config.data.open_run(config.run, config.checkpoint)
     data = trained.config.data
     index = load_index(data.root, data.version, data.cameras)
     rows = rows_of_split(index, data.root, data.version, config.split)

@@ -29,6 +29,7 @@ Array = np.ndarray[Any, np.dtype[Any]]
 SPEEDS_MPS = (0.0, 5.0, 10.0, 15.0)
 RECORDED = "as recorded"
 POSES: dict[str, float | None] = {RECORDED: None} | {f"at {v:g} m/s": v for v in SPEEDS_MPS}
+_CHANGED = tuple(name for name in POSES if name != RECORDED)
 # What is planned, and what was driven, is compared by the mean speed of the first second.
 _BEGIN_S = 1.0
 
@@ -151,8 +152,8 @@ def _summary(
         },
         top10={name: bootstrap.interval(values) for name, values in top10.items()},
         nll={name: bootstrap.interval(values) for name, values in nll.items()},
-        top10_change={n: bootstrap.interval(top10[n] - top10[RECORDED]) for n in top10},
-        nll_change={n: bootstrap.interval(nll[n] - nll[RECORDED]) for n in nll},
+        top10_change={n: bootstrap.interval(top10[n] - top10[RECORDED]) for n in _CHANGED},
+        nll_change={n: bootstrap.interval(nll[n] - nll[RECORDED]) for n in _CHANGED},
     )
 
 
@@ -178,17 +179,26 @@ def format_pose_speed(study: PoseSpeedStudy) -> str:
         f"{study.num_samples} samples of {study.num_scenes} scenes; driven in the first second: "
         f"{_cell(study.driven_mps, '.1f')} m/s.",
         "",
-        "| poses | planned, m/s | correlation with driven | top-10, % | NLL, nats |",
-        "| --- | --- | --- | --- | --- |",
+        "| poses | planned, m/s | correlation with driven | top-10, % | NLL, nats | change of "
+        "top-10 | of NLL |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
     ]
     for name in POSES:
+        changes = ["", ""]
+        if name in _CHANGED:
+            changes = [
+                _cell(study.top10_change[name], "+.1f"),
+                _cell(study.nll_change[name], "+.2f"),
+            ]
         cells = (
+            name,
             _cell(study.planned_mps[name], ".1f"),
             _cell(study.correlation[name], ".2f"),
             _cell(study.top10[name], ".1f"),
             _cell(study.nll[name], ".2f"),
+            *changes,
         )
-        lines.append(f"| {' | '.join((name, *cells))} |")
+        lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
 
 
