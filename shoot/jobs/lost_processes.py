@@ -1,5 +1,8 @@
 """Helpers that were ended from outside: what torch says of it, in one sentence."""
 
+import sys
+from types import TracebackType
+
 import torch.distributed as dist
 
 # How gloo and NCCL begin what they say when the other side is gone.
@@ -29,3 +32,18 @@ def lost_process(error: RuntimeError | MemoryError) -> str | None:
             "says why, unless it was killed. --resume goes on from the last checkpoint."
         )
     return None
+
+
+def quiet_loader(_worker: int) -> None:
+    """For `DataLoader(worker_init_fn=)`: a worker whose reader is gone ends without a traceback.
+
+    A worker hands its tensors over in a thread, which tells `sys.excepthook` where the reading
+    process ended meanwhile. That process has said in a sentence why it ended.
+    """
+    usual = sys.excepthook
+
+    def hook(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+        if not issubclass(kind, ConnectionError | EOFError):
+            usual(kind, error, trace)
+
+    sys.excepthook = hook

@@ -9,6 +9,7 @@ import torch
 from numpy.typing import NDArray
 from torch.utils.data import DataLoader
 
+from shoot.jobs.lost_processes import quiet_loader
 from shoot.prediction.disturbance import UNDISTURBED, Disturbance
 from shoot.prediction.plain import with_weights
 from shoot.training.config import ConfigT, RunConfig
@@ -86,6 +87,7 @@ def read_batches(
         sampler=[(int(position), int(position) if is_random else -1) for position in positions],
         num_workers=config.num_workers,
         collate_fn=task.collate,
+        worker_init_fn=quiet_loader,
     )
     for batch in loader:
         if disturbance.missing:

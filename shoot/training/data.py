@@ -10,6 +10,7 @@ from torch.utils.data import DataLoader, Sampler
 from lss_core.data.padding import check_padding
 from lss_core.data.usable import LeftOut
 from lss_core.errors import DataError
+from shoot.jobs.lost_processes import quiet_loader
 from shoot.training.config import RunConfig
 from shoot.training.device import choose_device
 from shoot.training.run_scenes import FITTED_ON, RunScenes, check_apart, check_unseen
@@ -122,4 +123,5 @@ class TaskData(pl.LightningDataModule):
             collate_fn=self.task.collate,
             pin_memory=choose_device(self.config.accelerator).type == "cuda",
             persistent_workers=workers > 0,
+            worker_init_fn=quiet_loader,
         )
