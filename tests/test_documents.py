@@ -113,7 +113,7 @@ def test_commands_are_understood(
     command: str, arguments: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scripts = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
-    module = importlib.import_module(scripts[command].split(":")[0])
+    module = importlib.import_module(f"shoot.cli.{scripts[command].split(':')[1]}")
     parsed: list[Any] = []
 
     def parse_only(config_type: Any, function: object, description: str) -> None:

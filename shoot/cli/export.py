@@ -35,7 +35,7 @@ class ExportConfig:
 
     Attributes:
         run: Run folder.
-        onnx: ONNX file to write; needs `pip install 'shoot[export]'`.
+        onnx: ONNX file to write; needs `pip install 'shoot-planner[export]'`.
         program: File of a `torch.export` program to write.
         int8: Write a second ONNX file, named -int8, whose convolutions run in int8: calibrated on
             as many samples of the run's training split, compared on as many of its validation

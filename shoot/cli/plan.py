@@ -18,6 +18,7 @@ from lss_core.legible import legible
 from lss_core.progress import progress
 from lss_core.strict_json import save_json
 from shoot.cli.app import run
+from shoot.moment.example import RIG_FILE, SPEED_MPS, write_example
 from shoot.moment.planning import Moment, describe_plan, plan_moment, strange_lenses
 from shoot.moment.rig_file import Rig, read_rig
 from shoot.moment.showing import draw_plan, format_plan
@@ -47,7 +48,7 @@ class PlanConfig:
         run: Run folder of a planner; the shipped one, trained on a synthetic city, if not given.
         out: What is planned, as JSON; of a stream one line a frame.
         picture: The picture; of a stream the video, which needs PyAV (`pip install
-            'shoot[video]'`).
+            'shoot-planner[video]'`).
         top: How many templates are written, the most probable first.
         rate_hz: Frames a second of a stream's video.
         example: Write an example into this folder, and do nothing else.
@@ -172,15 +173,12 @@ def _named(images: tuple[str, ...]) -> dict[str, Path]:
 
 
 def _write_example(folder: Path) -> None:
-    # What draws a city takes seconds to load, and is for this only.
-    from shoot.moment.example import RIG_FILE, write_example
-
-    paths, speed_mps = write_example(folder)
+    images = write_example(folder)
     words = ["shoot-plan", "--rig", str(folder / RIG_FILE), "--images"]
-    words += [f"{name}={path}" for name, path in paths.items()]
+    words += [f"{name}={path}" for name, path in images.items()]
     words += [
         "--speed-mps",
-        f"{speed_mps:.1f}",
+        f"{SPEED_MPS:.1f}",
         "--out",
         str(folder / "plan.json"),
         "--picture",

@@ -42,7 +42,7 @@ class SimulateConfig:
         image_scale: Size of the images as a share of the rig's; that of the run's data if not
             given.
         beside: Folders of results to compare with, on the routes that are in both.
-        video: Write a video of each route, too; needs PyAV (`pip install 'shoot[video]'`).
+        video: Write a video of each route, too; needs PyAV (`pip install 'shoot-planner[video]'`).
     """
 
     run: Annotated[str | None, tyro.conf.Positional] = None

@@ -28,7 +28,7 @@ def import_onnx() -> ModuleType:
     except ImportError as error:
         raise DataError(
             f"Exporting as ONNX needs {error.name}, which is not installed: pip install "
-            "'shoot[export]'."
+            "'shoot-planner[export]'."
         ) from error
     module: ModuleType = onnx
     return module

@@ -95,7 +95,7 @@ def _run_on_cluster(
     except ImportError as error:
         raise DataError(
             "--dask needs dask and distributed, which are not installed; install shoot with its "
-            "extra 'cluster' (pip install '.[cluster]')."
+            "extra 'cluster' (pip install 'shoot-planner[cluster]')."
         ) from error
 
     class Cluster(DaskDistributedBackend):  # type: ignore[misc]

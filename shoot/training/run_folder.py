@@ -17,7 +17,7 @@ from shoot.training.config import CONFIG_FILE, ConfigT, RunConfig
 from shoot.training.task import Task
 
 LAST, BEST = "last.ckpt", "best.ckpt"
-_LIBRARIES = ("torch", "pytorch-lightning", "timm", "numpy", "nuscenes-devkit", "shoot")
+_LIBRARIES = ("torch", "pytorch-lightning", "timm", "numpy", "nuscenes-devkit", "shoot-planner")
 
 
 @dataclass(frozen=True)

@@ -71,6 +71,7 @@ def test_missing_packages_are_named(
 ) -> None:
     monkeypatch.setitem(sys.modules, "onnxruntime", None)
     said = command("shoot-export", tiny_run.folder, "--onnx", tmp_path / "a.onnx")
-    assert "needs onnxruntime, which is not installed: pip install 'shoot[export]'" in complaint(
-        said
+    assert (
+        "needs onnxruntime, which is not installed: pip install 'shoot-planner[export]'"
+        in complaint(said)
     )

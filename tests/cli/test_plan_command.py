@@ -11,8 +11,8 @@ from PIL import Image, ImageOps
 from world_fixture import command, complaint, start_command
 
 from lss_core.config import CAMERAS
-from shoot.moment.example import format_rig
 from shoot.moment.rig_file import read_rig
+from shoot.moment.rig_text import format_rig
 
 
 @pytest.fixture(scope="module")

@@ -205,6 +205,6 @@ def _feather() -> Any:
         from pyarrow import feather
     except ImportError as error:
         raise DataError(
-            f"Logs of Argoverse 2 need pyarrow: pip install 'shoot[argoverse]' ({error})."
+            f"Logs of Argoverse 2 need pyarrow: pip install 'shoot-planner[argoverse]' ({error})."
         ) from error
     return feather

@@ -20,7 +20,7 @@ def import_av() -> Any:
         import av
     except ImportError as error:
         raise DataError(
-            "Videos need PyAV, which is not installed: pip install 'shoot[video]'."
+            "Videos need PyAV, which is not installed: pip install 'shoot-planner[video]'."
         ) from error
     return av
 

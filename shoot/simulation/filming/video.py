@@ -23,7 +23,7 @@ def import_av() -> Any:
         import av
     except ImportError as error:
         raise DataError(
-            "Videos need PyAV, which is not installed: pip install 'shoot[video]'."
+            "Videos need PyAV, which is not installed: pip install 'shoot-planner[video]'."
         ) from error
     if "libx264" not in av.codecs_available:
         raise DataError("Videos need libx264, which the PyAV installed here comes without.")
