@@ -5,5 +5,5 @@ set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 # shellcheck source=scripts/environment.sh
 source scripts/environment.sh
-set_up_environment
+set_up_environment demo
 exec shoot-demo "$@"  # its --out is demo/ unless told otherwise

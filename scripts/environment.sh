@@ -59,8 +59,8 @@ set_up_environment() {
     is_usable || make_venv || return 1
     sum=$(fingerprint) || return 1
     if [ "$(cat "$stamp" 2>/dev/null)" != "$sum" ]; then
-        say "Installing shoot${extras:+ with its extra '$extras'} and what it needs into .venv" \
-            "(several GB with the CUDA build of torch; the README tells how to get the CPU build)."
+        say "Installing shoot-planner${extras:+ with its extra '$extras'} and what it needs into .venv" \
+            "(several GB with the CUDA build of torch; docs/install.md tells how to get the CPU build)."
         if ! .venv/bin/python -m pip install --quiet -e ".${extras:+[$extras]}"; then
             say "error: pip could not install shoot; see its message above, then run this again."
             return 1
