@@ -142,8 +142,14 @@ def describe_plan(
         "frame": FRAME,
         "times_s": [round(dt_s * step, 6) for step in range(1, points.shape[1] + 1)],
         "cameras": {
-            camera.name: str(path)
-            for camera, path in zip(moment.cameras, moment.paths, strict=True)
+            camera.name: {
+                "image": str(path),
+                "intrinsics": camera.rawpixel_from_camera.tolist(),
+                "ego_from_camera": pose.tolist(),
+            }
+            for camera, path, pose in zip(
+                moment.cameras, moment.paths, _poses(run, moment), strict=True
+            )
         },
         "speed_mps": moment.speed_mps,
         "planner": {
@@ -189,10 +195,17 @@ def _read(run: PlainRun, moment: Moment) -> Batch:
             image_hw=camera.image_hw,
             rawpixel_from_camera=camera.rawpixel_from_camera,
             egocam_from_camera=camera.ego_from_camera,
-            ego_from_camera=pose if run.config.data.ego_motion else camera.ego_from_camera,
+            ego_from_camera=pose,
         )
         for camera, path, pose in zip(
-            moment.cameras, moment.paths, moment.ego_from_camera, strict=True
+            moment.cameras, moment.paths, _poses(run, moment), strict=True
         )
     ]
     return read_views(views, run.config.data.image)
+
+
+def _poses(run: PlainRun, moment: Moment) -> list[NDArray[np.float64]]:
+    """As the planner was trained: each at its camera's own time, or as mounted."""
+    if run.config.data.ego_motion:
+        return list(moment.ego_from_camera)
+    return [camera.ego_from_camera for camera in moment.cameras]
