@@ -9,11 +9,17 @@ import pytest
 from argoverse2_layout import LOOKS, write_log
 from comma2k19_layout import write_segment
 from filmed_drive import FilmedDrive
+from kitti_odometry_layout import write_filmed
 from kitti_raw_layout import write_kitti_raw
 from PIL import Image
 from world_fixture import SMALL_FLAGS, command, complaint
 
 STEPS = 20
+
+
+def kitti_odometry(src: Path) -> None:
+    write_filmed(src, "03", FilmedDrive(8.0))
+    write_filmed(src, "04", FilmedDrive(7.0, bend_radpm=-0.02))
 
 
 def kitti_raw(src: Path) -> None:
@@ -35,6 +41,7 @@ def comma2k19(src: Path) -> None:
 @pytest.mark.parametrize(
     ("kind", "write", "cameras"),
     [
+        pytest.param("kitti-odometry", kitti_odometry, ("CAM_FRONT",), marks=pytest.mark.full),
         ("kitti-raw", kitti_raw, ("CAM_FRONT", "CAM_FRONT_STEREO")),
         pytest.param("argoverse2", argoverse2, tuple(LOOKS), marks=pytest.mark.full),
         pytest.param("comma2k19", comma2k19, ("CAM_FRONT",), marks=pytest.mark.full),

@@ -6,22 +6,28 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from kitti_odometry_layout import (
+    AHEAD_M,
+    BASE_M,
+    CENTRE_PX,
+    FOCAL_PX,
+    HEIGHT,
+    WIDTH,
+    write_sequence,
+)
+from numpy.typing import NDArray
 from nuscenes.nuscenes import NuScenes
-from PIL import Image
 from world_fixture import Said, command, train_flags
 
 from lss_core.camera import project
 from lss_core.data.dataset import ego_from_camera
 from lss_core.data.samples import SampleIndex, load_index, rows_of_split
-from lss_core.geometry import FloatArray, wrap_angle
+from lss_core.geometry import FloatArray, rigid_from_yaw, wrap_angle
 from shoot.templates import TemplateSet
 from shoot.trajectories import mine_futures
 
 ROOT = Path(__file__).parents[4]
 VERSION = "v1.0-trainval"
-WIDTH, HEIGHT, FOCAL_PX, CENTRE_PX = 124, 37, 72.0, (60.9, 17.3)
-BASE_M = 0.06  # camera 2 lies so far left of camera 0
-AHEAD_M = 1.03  # camera 0 of the rear axle
 SECONDS = {"03": 31.0, "04": 9.0}
 
 
@@ -35,39 +41,24 @@ def motion(seconds: float, bend: float) -> tuple[FloatArray, FloatArray, FloatAr
     return fine_s[::10], xy_m[::10], yaw[::10]
 
 
-def write_sequence(kitti: Path, name: str, bend: float, seed: int) -> None:
+def write_noise(kitti: Path, name: str, bend: float, seed: int) -> None:
+    """A sequence of that motion; its pictures are noise below a sky."""
     times_s, xy_m, yaw = motion(SECONDS[name], bend)
-    folder = kitti / "sequences" / name
     rng = np.random.default_rng(seed)
-    for camera in (0, 2):
-        (folder / f"image_{camera}").mkdir(parents=True)
-    for number in range(len(times_s)):
+
+    def picture(_number: int) -> NDArray[np.uint8]:
         grey = rng.integers(40, 90, (HEIGHT, WIDTH), dtype=np.uint8)
         grey[: round(CENTRE_PX[1]) + 1] += 120  # the sky
-        Image.fromarray(grey).save(folder / "image_0" / f"{number:06d}.png")
-        Image.fromarray(np.stack([grey] * 3, -1)).save(folder / "image_2" / f"{number:06d}.png")
-    (folder / "times.txt").write_text("".join(f"{time_s:e}\n" for time_s in times_s))
-    lines = []
-    for camera in range(4):
-        shift = FOCAL_PX * BASE_M if camera == 2 else 0.0
-        values = [FOCAL_PX, 0, CENTRE_PX[0], shift, 0, FOCAL_PX, CENTRE_PX[1], 0, 0, 0, 1, 0]
-        lines.append(f"P{camera}: " + " ".join(f"{value:.12e}" for value in values) + "\n")
-    (folder / "calib.txt").write_text("".join(lines))
-    # Camera 0 in its first frame: x right, y down, z forward.
-    rows = [
-        (c, 0, -s, -y - AHEAD_M * s, 0, 1, 0, 0, s, 0, c, x + AHEAD_M * (c - 1))
-        for (x, y), c, s in zip(xy_m, np.cos(yaw), np.sin(yaw), strict=True)
-    ]
-    text = "".join(" ".join(f"{value:e}" for value in row) + "\n" for row in rows)
-    (kitti / "poses").mkdir(exist_ok=True)
-    (kitti / "poses" / f"{name}.txt").write_text(text)
+        return np.stack([grey] * 3, -1)
+
+    write_sequence(kitti, name, times_s, rigid_from_yaw(xy_m, yaw), picture)
 
 
 @pytest.fixture(scope="module")
 def kitti(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("kitti")
-    write_sequence(folder, "03", bend=0.03, seed=0)
-    write_sequence(folder, "04", bend=-0.02, seed=1)
+    write_noise(folder, "03", bend=0.03, seed=0)
+    write_noise(folder, "04", bend=-0.02, seed=1)
     return folder
 
 
@@ -195,7 +186,7 @@ def test_what_is_not_as_kittis_ends_in_a_sentence(
 ) -> None:
     assert callable(spoil)
     kitti = tmp_path / "kitti"
-    write_sequence(kitti, "04", bend=0.0, seed=3)
+    write_noise(kitti, "04", bend=0.0, seed=3)
     (kitti / "sequences" / "04").rename(kitti / "sequences" / "03")
     (kitti / "poses" / "04.txt").rename(kitti / "poses" / "03.txt")
     spoil(kitti)
