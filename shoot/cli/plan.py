@@ -25,7 +25,7 @@ from shoot.moment.showing import draw_plan, format_plan
 from shoot.moment.stream import Stream, as_pixels, find_frames
 from shoot.prediction.plain import PlainRun, open_plain
 from shoot.prediction.shipped import NO_PLANNER_FOR_ROADS, shipped_run
-from shoot.rendering.saving import save_figure
+from shoot.rendering.saving import picture_kind, save_figure
 
 logger = logging.getLogger(__name__)
 
@@ -104,6 +104,7 @@ def _plan_one(config: PlanConfig, rig: Rig, paths: dict[str, Path], opened: Plai
     out, picture = config.out or Path("plan.json"), config.picture or Path("plan.png")
     check_writable(out)
     check_writable(picture)
+    picture_kind(picture)
     moment = Moment.of(rig, paths, config.speed_mps)
     _warn(rig, moment, opened)
     planned = plan_moment(opened, moment)

@@ -19,6 +19,18 @@ def save_figure(figure: Figure, path: str | Path, dpi: float = 150.0) -> Path:
         OSError: If the file cannot be written.
     """
     path = Path(path)
+    kind = picture_kind(path)
+    with write_atomically(path) as stream:
+        figure.savefig(stream, format=kind, dpi=dpi)
+    return path
+
+
+def picture_kind(path: Path) -> str:
+    """The format that the name ends in, as `png`.
+
+    Raises:
+        DataError: If pictures cannot be written in it.
+    """
     kind = path.suffix.lower().removeprefix(".")
     known = FigureCanvasAgg.get_supported_filetypes()
     if kind not in known:
@@ -26,6 +38,4 @@ def save_figure(figure: Figure, path: str | Path, dpi: float = 150.0) -> Path:
             f"Cannot save a picture as {path}: its name must end in one of "
             f"{', '.join(sorted(known))}."
         )
-    with write_atomically(path) as stream:
-        figure.savefig(stream, format=kind, dpi=dpi)
-    return path
+    return kind

@@ -113,4 +113,7 @@ def test_mistakes_are_one_sentence(example: Path, tmp_path: Path) -> None:
         ((*rig, "--images", front, "--run", tmp_path), "no run folder"),
     ):
         assert words in complaint(command("shoot-plan", *arguments, *out)), words
+    strange = ("--out", tmp_path / "plan.json", "--picture", tmp_path / "plan.xyz")
+    said = command("shoot-plan", *rig, "--images", front, *strange)
+    assert "its name must end in one of" in complaint(said)
     assert not (tmp_path / "plan.json").exists()
