@@ -126,7 +126,8 @@ def _card(run: PlanningRun, report: dict[str, Any]) -> str:
         "- It sees one moment and no route: at an intersection it does not know the way out",
         "  ([measured](../../docs/results/turns.md)).",
         "- It reads the car's speed from the poses of its cameras, which fire one after the other",
-        "  ([measured](../../docs/results/limits.md#speed)). Poses of a standing car make it stand.",
+        "  ([measured](../../docs/results/limits.md#speed)); poses of a car that stands make it",
+        "  stand.",
         "- Left to drive, it often freezes ([counted](../../docs/results/closed_loop.md)).",
     ]
     return "\n".join(lines) + "\n"

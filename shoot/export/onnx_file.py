@@ -30,6 +30,11 @@ def import_onnx() -> ModuleType:
             f"Exporting as ONNX needs {error.name}, which is not installed: pip install "
             "'shoot-planner[export]'."
         ) from error
+    if torch.torch_version.TorchVersion(torch.__version__) < "2.14":
+        raise DataError(
+            f"Exporting as ONNX needs torch 2.14 or later, not {torch.__version__}: pip install "
+            "'shoot-planner[export]'."
+        )
     module: ModuleType = onnx
     return module
 

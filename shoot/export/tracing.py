@@ -9,6 +9,7 @@ from torch.export import Dim
 from shoot.export.graph import PlannerGraph
 
 _MAX_CAMERAS = 64
+_MAX_POINTS = 2**31 - 1  # some releases of torch want a bound
 
 
 def example_inputs(graph: PlannerGraph) -> dict[str, Tensor]:
@@ -24,5 +25,5 @@ def dynamic_shapes() -> dict[str, Any]:
     """By input, the axes whose size stays open: how many cameras and how many points."""
     return {
         "images": {1: Dim("num_cameras", min=1, max=_MAX_CAMERAS)},
-        "splat_index": {1: Dim("num_points")},
+        "splat_index": {1: Dim("num_points", max=_MAX_POINTS)},
     }

@@ -69,6 +69,7 @@ def test_data_that_is_not_there_is_missed_before_the_work(
 def test_missing_packages_are_named(
     tiny_run: TinyRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    pytest.importorskip("onnx")
     monkeypatch.setitem(sys.modules, "onnxruntime", None)
     said = command("shoot-export", tiny_run.folder, "--onnx", tmp_path / "a.onnx")
     assert (

@@ -16,6 +16,8 @@ from shoot.export.companions import write_companions
 from shoot.moment.example import SPEED_MPS, write_example
 from shoot.prediction.shipped import shipped_run
 
+pytest.importorskip("onnxruntime")
+
 PAGE = Path(__file__).parents[2] / "docs" / "export.md"
 ALONE = """
 import sys
@@ -52,7 +54,6 @@ def run_page(rig: str, folder: Path) -> Any:
 def test_the_pages_example_is_the_planner(
     exported: Exported, onnx_planner: Path, tmp_path: Path
 ) -> None:
-    pytest.importorskip("onnxruntime")
     planner = tmp_path / "planner.onnx"
     planner.write_bytes(onnx_planner.read_bytes())
     write_companions(exported.run, exported.card, planner)
@@ -76,7 +77,6 @@ def test_the_pages_example_is_the_planner(
 
 @pytest.mark.slow
 def test_the_shipped_planner_on_the_example_of_shoot_plan(tmp_path: Path) -> None:
-    pytest.importorskip("onnxruntime")
     images = write_example(tmp_path)
     named = [f"{name}={path}" for name, path in images.items()]
     out = ("--out", tmp_path / "plan.json", "--picture", tmp_path / "plan.png")

@@ -170,6 +170,6 @@ def test_missing_packages_are_named(
     exported: Exported, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "onnxscript", None)
-    with pytest.raises(DataError, match=r"needs onnxscript.*pip install 'shoot\[export\]'"):
+    with pytest.raises(DataError, match=r"needs onnxscript.*pip install 'shoot-planner\[export\]'"):
         write_onnx(exported.graph, tmp_path / "planner.onnx")
     assert not list(tmp_path.iterdir())

@@ -53,5 +53,5 @@ def test_without_an_encoder_one_sentence_says_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "av", None)
-    with pytest.raises(DataError, match=r"pip install 'shoot\[video\]'"):
+    with pytest.raises(DataError, match=r"pip install 'shoot-planner\[video\]'"):
         write_video(iter(()), tmp_path / "video.mp4")
