@@ -18,6 +18,7 @@ CAMERAS = {
     "uniform": "uniform depth",
     OURS: "Lift-Splat",
     "scratch": "Lift-Splat, begun at random",
+    "fine-depth": "Lift-Splat, depths 1 m apart",
 }
 LIDARS = {"lidar1": "lidar, 1 scan", "lidar10": "lidar, 10 scans"}
 METHODS = CAMERAS | LIDARS
@@ -34,8 +35,9 @@ _FLAGS = {
     "lidar10": ("--data.lidar-scans", "10"),
     "lidar1": ("--data.lidar-scans", "1"),
     "scratch": (),
+    "fine-depth": ("--model.depth.step-m", "1.0", *LEARNED),
 }
-_ONE_SEED = ("frozen", "uniform", "scratch")
+_ONE_SEED = ("frozen", "uniform", "scratch", "fine-depth")
 
 # The first seed of all comes first: then every row is there.
 ALL = tuple(

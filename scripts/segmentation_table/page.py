@@ -117,7 +117,7 @@ def _paired_table(runs: dict[str, list[Record]], folder: Path) -> str:
 
 def _part_table(runs: dict[str, list[Record]]) -> str:
     rows = []
-    shown = [name for name in (OURS, "lidar1", "lidar10") if name in runs]
+    shown = [name for name in (OURS, "oft", "lidar1", "lidar10") if name in runs]
     for kind in ("by_distance", "by_condition"):
         for part, first in next(iter(runs.values()))[0][kind].items():
             cells = [_part(runs[name], kind, part) for name in shown]

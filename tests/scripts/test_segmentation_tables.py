@@ -81,7 +81,7 @@ def test_the_pages_hold_what_the_records_say(scripts: Any) -> None:
 
 def test_every_run_is_named_once(scripts: Any) -> None:
     runs = scripts("segmentation_table.experiments").ALL
-    assert len({run.name for run in runs}) == len(runs) == 18
+    assert len({run.name for run in runs}) == len(runs) == 19
     conditions = scripts("robustness_table.conditions")
     for task in ("segmentation", "planning"):
         for trained in conditions.runs_of(task):
