@@ -271,4 +271,4 @@ def test_the_shipped_planner_is_whole_and_its_own_templates_are_its_labels(tmp_p
     assert not Path(TrainConfig.load(folder / "config.yaml").data.root).is_absolute()
     card = (folder / "README.md").read_text()
     assert f"{trained.config.optim.steps:,} steps" in card
-    assert "**Limits.**" in card
+    assert "## What not for" in card
