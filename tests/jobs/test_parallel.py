@@ -136,6 +136,23 @@ def test_a_cluster_mines_the_same_futures(cluster: str, tiny_run: TinyRun, tmp_p
     assert TemplateSet.load(out).sha256 == TemplateSet.load(tiny_run.templates).sha256
 
 
+@pytest.mark.full
+def test_a_cluster_drives_the_same_routes(cluster: str, tmp_path: Path) -> None:
+    said = [
+        command(
+            "shoot-simulate", "--driver", "still", "--routes", 2, "--out", tmp_path / name, *how
+        )
+        for name, how in (("here", ("--workers", 1)), ("there", ("--dask", cluster)))
+    ]
+    assert [one.status for one in said] == [0, 0]
+    routes = {
+        name: [path.read_bytes() for path in sorted((tmp_path / name / "routes").glob("*.json"))]
+        for name in ("here", "there")
+    }
+    assert len(routes["here"]) == 2
+    assert routes["here"] == routes["there"]
+
+
 def test_what_fails_on_a_cluster_fails_here(cluster: str) -> None:
     with pytest.raises(ValueError, match="math domain"):
         list(run_jobs(math.sqrt, [4, -1, 9], dask=cluster))
