@@ -56,8 +56,7 @@ def test_every_public_name_has_its_place(site: Path) -> None:
 def test_pages_ask_nobody(site: Path) -> None:
     asks = re.compile(r"<(?:script|link|img|iframe)[^>]+(?:src|href)=.?https?://[^\s>]+")
     found = [ask for page in site.rglob("*.html") for ask in asks.findall(page.read_text("utf-8"))]
-    # A page may say where it lies itself.
-    assert [ask for ask in found if "canonical" not in ask] == []
+    assert found == []
 
 
 def test_links_to_sources_lead_to_their_pages(site: Path) -> None:
