@@ -286,9 +286,13 @@ def _progress(folder: Path) -> str:
 
 
 def save_record(record: Record, path: Path) -> None:
-    """Write a record, numbers to four digits: more is noise, and the files are under git."""
+    """Write a record, a line for each of its fields.
+
+    Numbers get four digits: more is noise, and the files are under git.
+    """
+    fields = (f"{json.dumps(key)}: {json.dumps(_rounded(value))}" for key, value in record.items())
     with write_atomically(path) as stream:
-        stream.write((json.dumps(_rounded(record), indent=1) + "\n").encode())
+        stream.write(("{\n" + ",\n".join(fields) + "\n}\n").encode())
 
 
 def load_records(folder: Path) -> list[Record]:

@@ -139,28 +139,6 @@ def interval(
     return GroupBootstrap(group, num_draws, seed).interval(values)
 
 
-def paired_interval(
-    values_a: Float[Array, " S"],
-    values_b: Float[Array, " S"],
-    group: Shaped[Array, " S"],
-    num_draws: int = NUM_DRAWS,
-    seed: int = SEED,
-) -> Interval:
-    """95 % interval of the mean of a minus b, both on the same samples.
-
-    What makes a group hard for both cancels, so it is narrower than two intervals side by side.
-
-    Args:
-        values_a: One number per sample.
-        values_b: One number per sample, in the same order; samples where either is NaN are left
-            out.
-        group: Scene or log of each sample.
-        num_draws: Number of draws.
-        seed: Seed of the draws.
-    """
-    return interval(values_a - values_b, group, num_draws, seed)
-
-
 def _percentiles(value: float, draws: Float[Array, " D"], num_groups: int) -> Interval:
     known = draws[~np.isnan(draws)]
     if num_groups < 2 or not len(known):

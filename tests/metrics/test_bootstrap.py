@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from shoot.metrics.bootstrap import GroupBootstrap, Interval, interval, paired_interval
+from shoot.metrics.bootstrap import GroupBootstrap, Interval, interval
 
 
 def _scenes(generator, num_scenes, scene_std):
@@ -66,7 +66,7 @@ def test_paired_cancels_what_is_common():
     generator = np.random.default_rng(6)
     values, scene = _scenes(generator, 30, 5.0)
     better = values + 0.5
-    paired = paired_interval(better, values, scene)
+    paired = interval(better - values, scene)
     assert (paired.value, paired.low, paired.high) == pytest.approx((0.5, 0.5, 0.5))
     apart = interval(better, scene)
     assert apart.low < values.mean()
@@ -136,11 +136,6 @@ class TestNumbersThatDoNotApply:
     def test_no_number_at_all(self):
         found = interval(np.full(4, np.nan), np.array([0, 0, 1, 2]))
         assert all(math.isnan(number) for number in (found.value, found.low, found.high))
-
-    def test_pairs_need_both(self):
-        scene = np.arange(3)
-        found = paired_interval(np.array([1.0, 2.0, np.nan]), np.array([0.0, np.nan, 9.0]), scene)
-        assert found.value == 1.0
 
 
 def test_columns_at_once_equal_one_by_one():

@@ -18,7 +18,6 @@ from shoot.metrics.driving_score.smoothness import (
     extended_comfort,
     feel,
     history_comfort,
-    with_history,
 )
 from shoot.metrics.driving_score.surroundings import Surroundings, locate
 from shoot.metrics.driving_score.time_to_collision import time_to_collision
@@ -138,7 +137,7 @@ def epdms(
         ep=1.0,
         ttc=time_to_collision(ego, others, where),
         lk=lane_keeping(ego, around, where),
-        hc=history_comfort(feel(with_history(history, ego))),
+        hc=history_comfort(feel(ego if history is None else ego.after(history))),
         ec=extended_comfort(plans, plan_gap_s),
         progress_m=measure_progress(ego, around),
         drivable_tolerance_m=drivable_tolerance_m,

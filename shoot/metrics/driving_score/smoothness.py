@@ -101,29 +101,11 @@ def feel(track: Track) -> Feel:
     )
 
 
-def with_history(history: Track | None, ego: Track) -> Track:
-    """The track with what came before it in front.
-
-    Raises:
-        ValueError: If the two have different time steps.
-    """
-    if history is None:
-        return ego
-    if abs(history.dt_s - ego.dt_s) > 1e-9:
-        raise ValueError(f"History has steps of {history.dt_s} s, the track of {ego.dt_s} s.")
-    return Track(
-        np.concatenate([history.xy_m, ego.xy_m]),
-        np.concatenate([history.yaw_rad, ego.yaw_rad]),
-        np.concatenate([history.speed_mps, ego.speed_mps]),
-        ego.dt_s,
-    )
-
-
 def history_comfort(felt: Feel) -> float:
     """HC: 1 if all of the drive, its history included, stays within six bounds, else 0.
 
     Args:
-        felt: Of the track `with_history`.
+        felt: Of the track with its history in front.
     """
     bounded = (
         (felt.lon_accel_mps2, LON_ACCEL_MIN_MPS2, LON_ACCEL_MAX_MPS2),
@@ -157,7 +139,7 @@ def plans_agree(earlier: Track, later: Track, gap_s: float = PLAN_GAP_S) -> floa
             "apart."
         )
     shared = len(earlier) - steps
-    one, two = feel(_part(earlier, slice(steps, None))), feel(_part(later, slice(max(shared, 0))))
+    one, two = feel(earlier.part(steps)), feel(later.part(0, max(shared, 0)))
     apart = (
         (one.accel_mps2 - two.accel_mps2, ACCEL_APART_MPS2),
         (one.jerk_mps3 - two.jerk_mps3, JERK_APART_MPS3),
@@ -194,7 +176,3 @@ def _smooth(values: Array, dt_s: float, window: int, order: int, derivative: int
     window = min(window, len(values))
     smoothed: Array = savgol_filter(values, window, order, deriv=derivative, delta=dt_s)
     return smoothed
-
-
-def _part(track: Track, steps: slice) -> Track:
-    return Track(track.xy_m[steps], track.yaw_rad[steps], track.speed_mps[steps], track.dt_s)

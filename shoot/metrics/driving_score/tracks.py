@@ -65,6 +65,26 @@ class Track:
         """Corners of the footprint: front left, rear left, rear right, front right."""
         return footprint_corners(self.xy_m, self.yaw_rad)
 
+    def part(self, first: int, end: int | None = None) -> "Track":
+        """The steps from one on, to another that is not part of it if given."""
+        steps = slice(first, end)
+        return Track(self.xy_m[steps], self.yaw_rad[steps], self.speed_mps[steps], self.dt_s)
+
+    def after(self, history: "Track") -> "Track":
+        """The track with what came before it in front.
+
+        Raises:
+            ValueError: If the two have different time steps.
+        """
+        if abs(history.dt_s - self.dt_s) > 1e-9:
+            raise ValueError(f"History has steps of {history.dt_s} s, the track of {self.dt_s} s.")
+        return Track(
+            np.concatenate([history.xy_m, self.xy_m]),
+            np.concatenate([history.yaw_rad, self.yaw_rad]),
+            np.concatenate([history.speed_mps, self.speed_mps]),
+            self.dt_s,
+        )
+
     def steps_in(self, seconds: float) -> int:
         """Steps in a stretch of time, rounded to whole ones."""
         return round(seconds / self.dt_s)

@@ -12,7 +12,6 @@ from shoot.metrics.driving_score.smoothness import (
     feel,
     history_comfort,
     plans_agree,
-    with_history,
 )
 from shoot.metrics.driving_score.tracks import Track
 
@@ -120,17 +119,13 @@ def test_yaw_may_pass_half_a_turn() -> None:
 
 def test_history_joins_on_without_a_seam_and_a_jump_at_the_seam_is_felt() -> None:
     whole = straight(1.0)
-    past, ego = (
-        Track(whole.xy_m[part], whole.yaw_rad[part], whole.speed_mps[part])
-        for part in (slice(15), slice(15, None))
-    )
-    joined = feel(with_history(past, ego))
+    past, ego = whole.part(0, 15), whole.part(15)
+    joined = feel(ego.after(past))
     np.testing.assert_array_equal(joined.jerk_mps3, feel(whole).jerk_mps3)
     faster = Track(past.xy_m, past.yaw_rad, past.speed_mps - 2.0)
-    assert (hc(ego), hc(with_history(past, ego)), hc(with_history(faster, ego))) == (1.0, 1.0, 0.0)
-    assert with_history(None, ego) is ego
+    assert (hc(ego), hc(ego.after(past)), hc(ego.after(faster))) == (1.0, 1.0, 0.0)
     with pytest.raises(ValueError, match="History has steps"):
-        with_history(Track(past.xy_m, past.yaw_rad, past.speed_mps, 0.5), ego)
+        ego.after(Track(past.xy_m, past.yaw_rad, past.speed_mps, 0.5))
 
 
 def test_three_steps_are_too_few() -> None:
