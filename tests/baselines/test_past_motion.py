@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import torch
 
+from shoot.baselines import past_motion
 from shoot.baselines.folds import scene_folds
 from shoot.baselines.past_motion import fit_past_motion, motion_inputs
 from shoot.baselines.prior import fit_prior
@@ -56,7 +57,13 @@ def _nll(log_prob, labels):
 
 @pytest.fixture(scope="module")
 def fit():
-    return fit_past_motion(*_turning(1500, seed=0), TEMPLATES)
+    return fit_past_motion(*_turning(600, seed=0), TEMPLATES)
+
+
+@pytest.fixture
+def one_epoch(monkeypatch):
+    """For what does not depend on how much is learned."""
+    monkeypatch.setattr(past_motion, "MAX_EPOCHS", 1)
 
 
 class TestInputs:
@@ -83,11 +90,11 @@ class TestInputs:
 
 
 def test_finds_labels_that_depend_on_past_curvature_where_speed_finds_none(fit):
-    train, train_labels = _turning(1500, seed=0)
+    train, train_labels = _turning(600, seed=0)
     new, labels = _turning(1000, seed=1)
     nll = _nll(fit.log_prob(new), labels)
     by_speed = fit_speed_prior(
-        np.linalg.norm(train.velocity_mps, axis=1), np.ones(1500, dtype=bool), train_labels,
+        np.linalg.norm(train.velocity_mps, axis=1), np.ones(600, dtype=bool), train_labels,
         train.scene, NUM_TEMPLATES,
     )  # fmt: skip
     speed_mps = np.linalg.norm(new.velocity_mps, axis=1)
@@ -109,11 +116,12 @@ def test_finds_labels_that_only_the_earlier_past_tells():
     assert fit.held_out_nll < 0.1 < np.log(2.0)
 
 
-def test_a_template_never_driven_learns_from_its_neighbours():
+def test_a_template_never_driven_learns_from_its_neighbours(monkeypatch):
+    monkeypatch.setattr(past_motion, "MAX_EPOCHS", 10)
     # Straight on at 0.5 m/s, 1.5 m/s ... 19.5 m/s; nobody in training drives near 10.5 m/s.
     line = np.stack([DT_S * np.arange(1, 21), np.zeros(20)], axis=-1)
     templates = (0.5 + np.arange(20))[:, None, None] * line
-    speed_mps = np.random.default_rng(8).uniform(0.0, 20.0, 1500)
+    speed_mps = np.random.default_rng(8).uniform(0.0, 20.0, 600)
     speed_mps = speed_mps[speed_mps.astype(int) != 10]
     futures = _arcs(speed_mps, np.zeros(len(speed_mps)))
     fit = fit_past_motion(futures, speed_mps.astype(int), templates)
@@ -132,8 +140,9 @@ def test_is_a_distribution_finite_for_templates_never_driven(fit):
         np.testing.assert_allclose(np.exp(log_prob.astype(np.float64)).sum(1), 1.0, atol=1e-5)
 
 
-def test_the_future_changes_nothing(fit):
-    train, labels = _turning(1500, seed=0)
+def test_the_future_changes_nothing(one_epoch):
+    train, labels = _turning(200, seed=0)
+    fit = fit_past_motion(train, labels, TEMPLATES)
     again = fit_past_motion(replace(train, xy_m=7.0 * train.xy_m + 3.0), labels, TEMPLATES)
     new, _ = _turning(20, seed=3)
     other_future = replace(new, xy_m=-new.xy_m)
@@ -148,9 +157,10 @@ def test_the_past_does_change_something(fit):
     assert not np.allclose(fit.log_prob(mirrored), fit.log_prob(new), atol=0.1)
 
 
-def test_seed_decides_all_and_leaves_torch_alone(fit):
-    train, labels = _turning(1500, seed=0)
+def test_seed_decides_all_and_leaves_torch_alone(one_epoch):
+    train, labels = _turning(200, seed=0)
     new, _ = _turning(20, seed=3)
+    fit = fit_past_motion(train, labels, TEMPLATES)
     torch.manual_seed(1)
     before = torch.random.get_rng_state()
     again = fit_past_motion(train, labels, TEMPLATES)
@@ -183,7 +193,7 @@ def test_all_folds_choose_the_epochs():
     assert fit_past_motion(train, each[train.scene, labels], TEMPLATES).epochs <= 1
 
 
-def test_says_the_mean_of_its_networks_which_is_less_of_a_draw(fit):
+def test_says_the_mean_of_its_networks_which_is_less_of_a_draw():
     new, labels = _turning(200, seed=3)
     # Labels that are hard to tell, so that networks differ.
     train, train_labels = _turning(600, seed=4)
@@ -221,8 +231,8 @@ def test_two_scenes_hold_out_one_another():
     assert _nll(fit.log_prob(new), new_labels) < 0.3
 
 
-def test_says_what_it_chose(caplog):
-    train, labels = _turning(300, seed=4)
+def test_says_what_it_chose(caplog, one_epoch):
+    train, labels = _turning(200, seed=4)
     with caplog.at_level(logging.INFO):
         fit = fit_past_motion(train, labels, TEMPLATES)
     assert f"Past motion: {fit.epochs} epochs, NLL {fit.held_out_nll:.3f} on" in caplog.text
