@@ -103,6 +103,16 @@ def busy_scene(seed: int):
     return drive(x_m, y_m, yaw_rad, speed_mps), together(*cars), around
 
 
+def moved_scene(scene, angle_rad=1.4, shift_m=(5.0, -7.0)):
+    """Ego, others and road in a frame turned to the left and moved."""
+    ego, others, around = scene
+    return (
+        moved_track(ego, angle_rad, shift_m),
+        moved_others(others, angle_rad, shift_m),
+        moved_road(around, angle_rad, shift_m),
+    )
+
+
 def moved_track(track, angle_rad, shift_m):
     """The track in a frame turned to the left and moved."""
     xy_m = turn(track.xy_m, np.full(len(track), angle_rad)) + shift_m

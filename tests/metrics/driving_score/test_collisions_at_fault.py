@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from straight_road import FRONT_M, MIDDLE_M, at_speed, drive, other, road, together
+from straight_road import FRONT_M, MIDDLE_M, at_speed, drive, moved_scene, other, road, together
 
 from shoot.footprint import EGO_WIDTH_M
 from shoot.metrics.driving_score import no_others
@@ -14,7 +14,13 @@ STEPS = np.arange(T)
 
 
 def contacts(ego, others, around=None):
-    return find_contacts(ego, others, locate(ego, around or road()))
+    """In two frames, which must not matter but for steps at which two just touch."""
+    scene = (ego, others, around or road())
+    here, there = (find_contacts(e, o, locate(e, a)) for e, o, a in (scene, moved_scene(scene)))
+    assert [(c.other, c.cause, c.is_at_fault) for c in here] == [
+        (c.other, c.cause, c.is_at_fault) for c in there
+    ]
+    return here
 
 
 def only(ego, others, around=None):

@@ -14,9 +14,7 @@ from straight_road import (
     at_speed,
     busy_scene,
     drive,
-    moved_others,
-    moved_road,
-    moved_track,
+    moved_scene,
     other,
     road,
     together,
@@ -105,11 +103,7 @@ def test_switches_are_said() -> None:
 @settings(max_examples=8, deadline=None, derandomize=True)
 def test_turning_and_moving_the_whole_scene_changes_nothing(seed, angle_rad, x_m) -> None:
     scene = busy_scene(seed)
-    shift_m = np.array([x_m, -7.0])
-    moved = [
-        move(part, angle_rad, shift_m)
-        for move, part in zip((moved_track, moved_others, moved_road), scene, strict=True)
-    ]
+    moved = moved_scene(scene, angle_rad, (x_m, -7.0))
     here, there = (epdms(*s, reference_progress_m=30.0) for s in (scene, moved))
     assert values(there)[:4] == values(here)[:4]
     assert values(there)[5:] == values(here)[5:]

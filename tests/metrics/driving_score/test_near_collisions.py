@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from straight_road import FRONT_M, MIDDLE_M, at_speed, drive, other, road
+from straight_road import FRONT_M, MIDDLE_M, at_speed, drive, moved_scene, other, road
 
 from shoot.metrics.driving_score import no_others
 from shoot.metrics.driving_score.surroundings import locate
@@ -13,7 +13,11 @@ STEPS = np.arange(LONGER)
 
 
 def ttc(ego, others, around=None):
-    return time_to_collision(ego, others, locate(ego, around or road()))
+    """In two frames, which must not matter."""
+    scene = (ego, others, around or road())
+    here, there = (time_to_collision(e, o, locate(e, a)) for e, o, a in (scene, moved_scene(scene)))
+    assert here == there
+    return here
 
 
 def test_nobody_there() -> None:
