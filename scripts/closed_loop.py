@@ -3,9 +3,10 @@
     python scripts/closed_loop.py [FOLDER] [--only camera rule] [--mode reactive]
 
 Drives the runs that `python scripts/table6.py` has trained in the same folder, and who needs none;
-hours in all. Run again, it goes on where it was. Records go to docs/results/closed_loop/, and the
-tables of docs/results/closed_loop.md are made from these alone. Filmstrips are of the first camera
-planner, one for each way to fail.
+hours in all. The first camera planner is the shipped one, where the folder has no other. Run again,
+it goes on where it was. Records go to docs/results/closed_loop/, and the tables of
+docs/results/closed_loop.md are made from these alone. Filmstrips are of the first camera planner,
+one for each way to fail.
 """
 
 import logging
@@ -20,7 +21,16 @@ from driving_table.drives import MODES, STUDY, Drive
 from driving_table.failings import FAILINGS
 from driving_table.page import write_tables
 from driving_table.records import record_of
-from run_queue import Place, Record, is_trained, load_records, read_json, run_script
+from planning_table.experiments import TABLE
+from run_queue import (
+    Experiment,
+    Place,
+    Record,
+    is_trained,
+    load_records,
+    read_json,
+    run_script,
+)
 
 from lss_core.bounds import Bounds, Workers, check_settings
 from shoot.cli.simulate import SimulateConfig, simulate
@@ -31,6 +41,10 @@ from shoot.templates import TemplateSet
 logger = logging.getLogger(__name__)
 
 _FILMED = "camera-0-reactive"
+# The planner that ship_planner.py made of a run of frustum_study.py, and that run's record: trained
+# as the first of Table 6, on the same data.
+_SHIPPED = Path("templates/synthetic-1000")
+_RECORD_OF_SHIPPED = Path("docs/results/frustum/sampled-0.json")
 
 
 @dataclass(frozen=True)
@@ -70,7 +84,7 @@ def closed_loop(config: StudyConfig) -> list[str]:
     if not chosen:
         sys.exit(f"Nobody is called {', '.join(config.only)}.")
     for drive in () if config.tables_only else chosen:
-        if drive.run is not None and not is_trained(_place(config).run(drive.run)):
+        if drive.run is not None and _folder_of(drive.run, config) is None:
             logger.info(f"{drive.name}: {drive.run.name} is not trained; run scripts/table6.py")
             missing.append(drive.name)
             continue
@@ -88,8 +102,16 @@ def _is_asked(drive: Drive, only: tuple[str, ...]) -> bool:
     return drive.name in only or drive.who in only
 
 
-def _place(config: StudyConfig) -> Place:
-    return Place(config.folder, config.records)
+def _folder_of(run: Experiment, config: StudyConfig) -> Path | None:
+    """Where the run is; nowhere if it is not trained yet."""
+    folder = Place(config.folder, config.records).run(run)
+    if is_trained(folder):
+        return folder
+    return _SHIPPED if run == TABLE[0] else None
+
+
+def _report_of(folder: Path) -> Record:
+    return read_json(_RECORD_OF_SHIPPED if folder == _SHIPPED else folder / "report.json")
 
 
 def _drive_once(drive: Drive, mode: Mode, config: StudyConfig) -> None:
@@ -100,7 +122,7 @@ def _drive_once(drive: Drive, mode: Mode, config: StudyConfig) -> None:
         return
     logger.info(f"{name}: {config.routes} routes")
     folder = _driven(config, name)
-    run = None if drive.run is None else _place(config).run(drive.run)
+    run = None if drive.run is None else _folder_of(drive.run, config)
     simulate(SimulateConfig(
         run=None if run is None else str(run),
         out=folder,
@@ -114,7 +136,7 @@ def _drive_once(drive: Drive, mode: Mode, config: StudyConfig) -> None:
     ))  # fmt: skip
     rows = [read_object(route_file(folder, route)) for route in range(config.routes)]
     templates = None if run is None else TemplateSet.load(run / "templates.npz")
-    report = read_json(run / "report.json") if run is not None and drive.driver == "run" else None
+    report = _report_of(run) if run is not None and drive.driver == "run" else None
     config.records.mkdir(parents=True, exist_ok=True)
     write_row(file, record_of(drive, mode, folder, rows, templates, report))
 

@@ -4,38 +4,35 @@
 
 Trains a segmentation and a planner as usual, with noise, with dropped cameras and with four of the
 six, asks each of them under all conditions, and writes tables and pictures of
-docs/results/robustness.md; hours in all. Those trained as usual are taken from
-segmentation_tables.py and table6.py, where these have run in the same folder. Run again, it goes on
-where it was. Records go to docs/results/robustness/, and what the page shows is made from these
-alone, all but one picture of what a run sees.
+docs/results/robustness.md; hours in all. Run again, it goes on where it was. Records go to
+docs/results/robustness/, and what the page shows is made from these alone, all but one picture of
+what a run sees.
 """
 
 import logging
 import os
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
-from data_set import make_data
 from planning_table.work import PLANNERS, prepare
-from robustness_table.asking import ask
+from robustness_table.asking import SPLIT, ask
 from robustness_table.conditions import PLAIN, Condition, conditions_of, runs_of
 from robustness_table.curves_figure import draw_curves
 from robustness_table.missing_figure import draw_missing
 from robustness_table.page import write_tables
+from robustness_table.paired import asked_file
 from robustness_table.rig_figure import draw_rig
 from run_queue import Place, QueueConfig, is_trained, load_records, run_all, run_script, save_record
 from segmentation_table.records import SEGMENTATIONS
 
-from lss_core.bounds import Count
+from lss_core.bounds import Bounds, Count
 
 logger = logging.getLogger(__name__)
 
 Task = Literal["segmentation", "planning"]
 _KINDS = {"segmentation": SEGMENTATIONS, "planning": PLANNERS}
-# Groups of the runs of segmentation_tables.py and of table6.py.
-_TABLES = {"segmentation": "segmentation", "planning": ""}
 
 
 @dataclass(frozen=True)
@@ -43,14 +40,16 @@ class RobustnessConfig(QueueConfig):
     """What to run, and where.
 
     Attributes:
-        folder: For data set and runs; that of table6.py has the data set.
+        folder: For data set, templates and runs; 4 GB.
         task: Which runs; both if not given.
+        train_scenes: Scenes to train on: half of table6.py's, for half of its steps.
         every: Every so many validation samples are asked about.
         records: Folder of the records.
     """
 
-    folder: Annotated[Path, tyro.conf.Positional] = Path("runs/table6")
+    folder: Annotated[Path, tyro.conf.Positional] = Path("runs/robustness")
     task: tuple[Task, ...] = ("segmentation", "planning")
+    train_scenes: Annotated[int, Bounds(1, 700)] = 350
     every: Count = 3
     records: Path = Path("docs/results/robustness")
 
@@ -59,25 +58,19 @@ def robustness(config: RobustnessConfig) -> list[str]:
     """Do what is left to do; returns the names of runs that failed."""
     failed: list[str] = []
     for task in () if config.tables_only else config.task:
-        sizes = config.train_scenes, config.val_scenes
+        place = Place(config.folder, config.records / "runs" / task, task)
         workers = len(os.sched_getaffinity(0))
-        own = _own_place(task, config)
-        if task == "planning":
-            prepare(own, *sizes, k=1000, workers=workers)
-        else:
-            make_data(own.world, *sizes, workers)
+        prepare(place, config.train_scenes, config.val_scenes, 1000, workers, sweeps="keyframes")
         runs = runs_of(task)
-        to_train = [run for name, run in runs.items() if _place_of(task, name, config) == own]
-        failed += run_all(to_train, own, _KINDS[task], config.jobs, config.flags)
+        failed += run_all(list(runs.values()), place, _KINDS[task], config.jobs, config.flags)
         for name, run in runs.items():
-            folder = _place_of(task, name, config).run(run)
-            if is_trained(folder):
+            if is_trained(place.run(run)):
                 for condition in conditions_of(name):
-                    _ask_once(task, name, folder, condition, config)
+                    _ask_once(task, name, place.run(run), condition, config)
                 if (task, name) == ("segmentation", PLAIN):
-                    draw_missing(folder, _picture(config, "missing"))
+                    draw_missing(place.run(run), _picture(config, "missing"))
+    write_tables(config.records, config.pages)
     records = load_records(config.records)
-    write_tables(records, config.pages)
     draw_curves(records, _picture(config, "curves"))
     draw_rig(records, _picture(config, "rig"))
     return failed
@@ -87,29 +80,17 @@ def _picture(config: RobustnessConfig, name: str) -> Path:
     return config.pages / "docs" / "images" / f"robustness_{name}.png"
 
 
-def _own_place(task: Task, config: RobustnessConfig) -> Place:
-    return Place(config.folder, config.records / "runs" / task, f"robustness-{task}")
-
-
-def _place_of(task: Task, name: str, config: RobustnessConfig) -> Place:
-    """Where a run is: the plain one with those of the tables, if it has been trained there."""
-    own = _own_place(task, config)
-    tables = replace(own, group=_TABLES[task])
-    shared = name == PLAIN and is_trained(tables.run(runs_of(task)[name]))
-    return tables if shared else own
-
-
 def _ask_once(
     task: Task, name: str, folder: Path, condition: Condition, config: RobustnessConfig
 ) -> None:
     """Leave a record of it, unless there is one."""
-    file = config.records / f"{task}-{name}-{condition.name.replace(' ', '')}.json"
+    file = asked_file(config.records, task, name, condition.name)
     if file.exists():
         return
     logger.info(f"{task}, {name}: asked with {condition.name}")
-    scores = ask(task, folder, condition, config.every)
-    said = {"task": task, "run": name, "condition": condition.name, "every": config.every}
-    save_record(said | {"scores": scores}, file)
+    said = {"task": task, "run": name, "condition": condition.name}
+    said |= {"split": SPLIT, "every": config.every}
+    save_record(said | ask(task, folder, condition, config.every), file)
 
 
 if __name__ == "__main__":

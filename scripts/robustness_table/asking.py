@@ -1,4 +1,4 @@
-"""A run asked under one condition: what it scores there."""
+"""A run asked under one condition: what it scores there, and in each scene."""
 
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -9,6 +9,7 @@ from run_queue import Record
 from lss_core.data.samples import load_index, rows_of_split
 from lss_core.data.usable import Needs
 from robustness_table.conditions import Condition
+from shoot.evaluation.comparison import means_by_scene
 from shoot.evaluation.segmentation.scoring import score_segmentation
 from shoot.metrics.bootstrap import interval
 from shoot.metrics.ranks import negative_log_likelihood, rank_labels
@@ -21,7 +22,7 @@ SPLIT = "val"
 
 
 def ask(task: str, folder: Path, condition: Condition, every: int) -> Record:
-    """Scores with 95 % intervals over scenes.
+    """Scores with 95 % intervals over scenes, and what two such are compared by.
 
     Args:
         task: `segmentation` or `planning`.
@@ -40,7 +41,10 @@ def _segment(folder: Path, condition: Condition, every: int) -> dict[str, Any]:
     rows = rows_of_split(index, told.data.root, told.data.version, SPLIT)[::every]
     samples = label_segments(index, rows, told.data, told.model.grid, told.classes, told.rule)
     report = score_segmentation(run, samples, SPLIT)
-    return {name: asdict(scores.iou) for name, scores in report.classes.items()}
+    return {
+        "scores": {name: asdict(scores.iou) for name, scores in report.classes.items()},
+        "by_scene": report.to_json()["by_scene"],
+    }
 
 
 def _plan(folder: Path, condition: Condition, every: int) -> dict[str, Any]:
@@ -55,4 +59,9 @@ def _plan(folder: Path, condition: Condition, every: int) -> dict[str, Any]:
         "top10": 100.0 * rank_labels(log_prob, samples.labels).hits(10),
         "nll": negative_log_likelihood(log_prob, samples.labels),
     }
-    return {name: asdict(interval(values, samples.scene_names)) for name, values in scores.items()}
+    return {
+        "scores": {
+            name: asdict(interval(values, samples.scene_names)) for name, values in scores.items()
+        },
+        "by_scene": means_by_scene(samples, log_prob),
+    }

@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 from run_queue import Record
 
-from robustness_table.conditions import DROPS, NOISE_RAD, curves_of
+from robustness_table.conditions import DROPS, NOISE_RAD, UNDISTURBED, curves_of
 from shoot.rendering import save_figure
 
 # What a panel shows of each task, higher is better.
@@ -36,8 +36,8 @@ def draw_curves(records: Sequence[Record], path: Path) -> bool:
     )
     for row, task in zip(panels, tasks, strict=True):
         metric, label = SHOWN[task]
-        noise = {f"noise-{level:g}": level for level in NOISE_RAD}
-        drops = {"noise-0": 0.0} | {f"drop-{num}": float(num) for num in DROPS}
+        noise = {UNDISTURBED: 0.0} | {f"noise-{level:g}": level for level in NOISE_RAD}
+        drops = {UNDISTURBED: 0.0} | {f"drop-{num}": float(num) for num in DROPS}
         _draw_panel(row[0], found, task, curves_of(task, "noise"), noise, metric)
         _draw_panel(row[1], found, task, curves_of(task, "drop"), drops, metric)
         row[0].set(ylabel=f"{task}: {label}", xlabel="noise when asked: rotation, rad")

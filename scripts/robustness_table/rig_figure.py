@@ -11,7 +11,7 @@ from matplotlib.colors import Normalize
 from matplotlib.patches import Wedge
 from run_queue import Record
 
-from robustness_table.conditions import PLAIN
+from robustness_table.conditions import PLAIN, UNDISTURBED
 from robustness_table.curves_figure import SHOWN
 from shoot.rendering import palette, save_figure
 from shoot.rendering.bev_panel import draw_ego
@@ -35,14 +35,14 @@ def draw_rig(records: Sequence[Record], path: Path) -> bool:
     tasks = [
         task
         for task in SHOWN
-        if all((task, name) in found for name in ("noise-0", *map(_without, NUSCENES.cameras)))
+        if all((task, name) in found for name in (UNDISTURBED, *map(_without, NUSCENES.cameras)))
     ]
     if not tasks:
         return False
     figure, panels = plt.subplots(1, len(tasks), figsize=(5.4 * len(tasks), 5.4), squeeze=False)
     for axes, task in zip(panels[0], tasks, strict=True):
         metric, label = SHOWN[task]
-        full = found[task, "noise-0"][metric]["value"]
+        full = found[task, UNDISTURBED][metric]["value"]
         lost = [full - found[task, _without(c)][metric]["value"] for c in NUSCENES.cameras]
         axes.set_title(f"{task}: {label}, {full:.1f} with all", fontsize=11, pad=2)
         _draw_wedges(axes, lost)

@@ -99,14 +99,22 @@ def sum_up(run: TrainedRun, scored: Scored, split: str) -> Report:
         report,
         num_boxes_left_out=checks.num_boxes_left_out,
         num_samples_with_boxes_left_out=checks.num_samples_affected,
-        by_scene=_by_scene(samples, scored.log_probs[MODEL]),
+        by_scene=means_by_scene(samples, scored.log_probs[MODEL]),
         num_bad_samples=len(samples.left_out),
         num_seen_scenes=scored.num_seen_scenes,
         rests_on=checks.basis,
     )
 
 
-def _by_scene(samples: LabelledSplit, log_prob: Array) -> dict[str, dict[str, float | int | str]]:
+def means_by_scene(
+    samples: LabelledSplit, log_prob: Float[Array, "N K"]
+) -> dict[str, dict[str, float | int | str]]:
+    """What two reports are compared by: `by_scene` of a planner's report.
+
+    Args:
+        samples: N samples.
+        log_prob: What a planner says of K templates.
+    """
     hit = 100.0 * rank_labels(log_prob, samples.labels).hits(10)
     nll = negative_log_likelihood(log_prob, samples.labels)
     logs, found = samples.logs, dict[str, dict[str, float | int | str]]()

@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from world_fixture import SMALL_FLAGS, TinyRun, TinySegmenter
 
@@ -68,7 +69,7 @@ def test_the_pages_hold_what_the_records_say(scripts: Any) -> None:
         for name, text in seg.all_tables(of_runs, queue.load_records(of_runs)).items()
     } | {
         f"robustness-{name}": text or "No run of these is finished yet."
-        for name, text in rob.all_tables(queue.load_records(asked)).items()
+        for name, text in rob.all_tables(asked).items()
     }
     away = scripts("transfer").all_tables(
         queue.load_records(results / "transfer"), queue.load_records(of_runs)
@@ -95,29 +96,49 @@ def test_runs_are_asked_under_conditions(
     asking, conditions = scripts("robustness_table.asking"), scripts("robustness_table.conditions")
     blind = conditions.Condition("dark", conditions.Disturbance(missing=conditions.CAMERAS[:5]))
     found = asking.ask("segmentation", tiny_segmenter.folder, blind, 1)
-    assert {"car", "drivable"} <= found.keys()
+    assert {"car", "drivable"} <= found["scores"].keys()
     plain = conditions.Condition("plain", cameras=("CAM_FRONT", "CAM_BACK"))
-    scores = asking.ask("planning", tiny_run.folder, plain, 2)
-    assert set(scores) == {"top10", "nll"}
-    assert 0.0 <= scores["top10"]["value"] <= 100.0
+    asked = asking.ask("planning", tiny_run.folder, plain, 2)
+    assert set(asked["scores"]) == {"top10", "nll"}
+    in_scenes = asked["by_scene"].values()
+    mean = np.average(
+        [s["top10"] for s in in_scenes], weights=[s["num_samples"] for s in in_scenes]
+    )
+    assert asked["scores"]["top10"]["value"] == pytest.approx(mean)
 
 
-def asked_of_all(scripts: Any) -> list[dict[str, Any]]:
-    """A record of every run under every condition."""
-    conditions = scripts("robustness_table.conditions")
-    scores = {name: interval(40.0) for name in ("car", "top10", "nll")}
-    return [
-        {"task": task, "run": run, "condition": condition.name, "scores": scores}
-        for task in ("segmentation", "planning")
-        for run in conditions.runs_of(task)
-        for condition in conditions.conditions_of(run)
-    ]
+def ask_all(scripts: Any, folder: Path) -> list[dict[str, Any]]:
+    """A record of every run, and of every run under every condition: 10 % better than `plain`."""
+    conditions, queue = scripts("robustness_table.conditions"), scripts("run_queue")
+    asked_file = scripts("robustness_table.paired").asked_file
+    records = []
+    for task in ("segmentation", "planning"):
+        for run in conditions.runs_of(task):
+            value = 40.0 if run == conditions.PLAIN else 50.0
+            made = record(run, 0, value)
+            queue.save_record(made, folder / "runs" / task / f"{run}-0.json")
+            cells = made["by_scene"]["scene-0000"]["classes"]["car"]
+            in_scene = {"num_samples": 3, "classes": {"car": cells}, "top10": value, "nll": value}
+            for condition in conditions.conditions_of(run):
+                records.append({
+                    "task": task, "run": run, "condition": condition.name, "split": "val",
+                    "scores": {name: interval(value) for name in ("car", "top10", "nll")},
+                    "by_scene": {f"scene-{n:04d}": in_scene for n in range(10)},
+                })  # fmt: skip
+                file = asked_file(folder, task, run, condition.name)
+                queue.save_record(records[-1], file)
+    return records
 
 
 def test_robustness_has_every_cell_and_picture_of_its_records(scripts: Any, tmp_path: Path) -> None:
-    records = asked_of_all(scripts)
-    tables = scripts("robustness_table.page").all_tables(records)
-    assert all("40.0" in table and "| - |" not in table for table in tables.values())
+    records = ask_all(scripts, tmp_path / "records")
+    tables = scripts("robustness_table.page").all_tables(tmp_path / "records")
+    assert all("| - |" not in table for table in tables.values())
+    assert tables["setting-planning"].startswith("700 training scenes, 10 validation scenes; 4000")
+    for kind in ("noise", "drop"):
+        assert "minus plain | +10.00 [+10.00, +10.00]" in tables[f"{kind}-segmentation"]
+        assert "minus plain | +10.0 [+10.0, +10.0]" in tables[f"{kind}-planning-top10"]
+    assert "| all | 50.00 [49.00, 51.00] |" in tables["new-segmentation"]
     curves, rig = scripts("robustness_table.curves_figure"), scripts("robustness_table.rig_figure")
     for draw, part in ((curves.draw_curves, records), (rig.draw_rig, records)):
         path = tmp_path / f"{draw.__name__}.png"
@@ -125,7 +146,7 @@ def test_robustness_has_every_cell_and_picture_of_its_records(scripts: Any, tmp_
         assert not path.exists()
         assert draw(part, path)
         assert path.stat().st_size > 10_000
-    # Without one of its cameras' records a rig is not drawn.
+    # Without one of its cameras' records no rig is drawn.
     assert not rig.draw_rig([r for r in records if r["condition"] != "without-CAM_BACK"], path)
 
 
