@@ -25,6 +25,7 @@ from robustness_table.page import write_tables
 from robustness_table.paired import asked_file
 from robustness_table.rig_figure import draw_rig
 from run_queue import Place, QueueConfig, is_trained, load_records, run_all, run_script, save_record
+from segmentation_table.experiments import HALF_SCENES
 from segmentation_table.records import SEGMENTATIONS
 
 from lss_core.bounds import Bounds, Count
@@ -49,7 +50,7 @@ class RobustnessConfig(QueueConfig):
 
     folder: Annotated[Path, tyro.conf.Positional] = Path("runs/robustness")
     task: tuple[Task, ...] = ("segmentation", "planning")
-    train_scenes: Annotated[int, Bounds(1, 700)] = 350
+    train_scenes: Annotated[int, Bounds(1, 700)] = HALF_SCENES
     every: Count = 3
     records: Path = Path("docs/results/robustness")
 

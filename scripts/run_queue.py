@@ -157,6 +157,20 @@ def facts_of(experiment: Experiment, folder: Path, root: str, jobs: int) -> Reco
     }
 
 
+def budget_of(trained: Sequence[Record]) -> str:
+    """What runs had that are alike in it, in words; nothing of no runs."""
+    if not trained:
+        return ""
+    one = trained[0]
+    minutes = sum(record["train_s"] for record in trained) / len(trained) / 60.0
+    where = "; ".join(sorted({f"{r['processor']} ({r['precision']})" for r in trained}))
+    return (
+        f"{one['world']['train_scenes']} training scenes, {one['num_scenes']} validation scenes; "
+        f"{one['steps']} steps of {one['batch_size']} samples; {minutes:.0f} minutes of training a "
+        f"run, {one['runs_side_by_side']} side by side on {where}."
+    )
+
+
 def is_trained(folder: Path) -> bool:
     """Whether a run has come to its last step: one that was ended from outside has not."""
     return (folder / "training_time.json").exists()

@@ -1,26 +1,41 @@
 """Another rig: segmentations of nuScenes' cameras, asked with Lyft's (the paper's Table 4).
 
-    python scripts/transfer.py [FOLDER]
+    python scripts/transfer.py [FOLDER] [--jobs 2]
 
-Makes the validation towns once more, as a car with the cameras of Lyft Level 5 sees them, asks each
-segmentation that segmentation_tables.py has trained in the same folder, and writes the table of
-docs/results/transfer.md. Run again, it goes on where it was. Records go to docs/results/transfer/,
-and the table is made from these alone.
+Trains the methods that see images, makes the validation towns once more, as a car with the cameras
+of Lyft Level 5 sees them, asks each method there, and writes the table of docs/results/transfer.md;
+hours in all. Run again, it goes on where it was. Records go to docs/results/transfer/, and the
+table is made from these alone.
 """
 
 import logging
 import os
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
 
 import tyro
+from data_set import make_data
 from marked_page import fill_pages
-from planning_table.cells import markdown, spread
-from run_queue import Place, Record, is_trained, load_records, run_script, save_record
-from segmentation_table.experiments import ALL, CAMERAS, OURS
+from planning_table.cells import markdown, spread, value_cell
+from run_queue import (
+    Experiment,
+    Place,
+    QueueConfig,
+    Record,
+    budget_of,
+    is_trained,
+    load_records,
+    run_all,
+    run_script,
+    save_record,
+)
+from segmentation_table.experiments import CAMERAS, FLAGS, HALF_SCENES, HALF_STEPS, OURS
+from segmentation_table.records import SEGMENTATIONS
 
-from lss_core.bounds import Bounds, Workers, check_settings
+from lss_core.bounds import Bounds
+from shoot.evaluation.segmentation.paired import load_overlaps, paired_iou
 from shoot.evaluation.segmentation.scoring import score_segmentation
 from shoot.prediction.segmenter import open_segmenter
 from shoot.world.config import MakeWorldConfig
@@ -35,41 +50,41 @@ _PAPER = {
     "oft": {"car": 16.25, "vehicle": 16.27},
     OURS: {"car": 21.35, "vehicle": 22.59},
 }
+_CLASSES = ("car", "vehicle")
+_AT_HOME = "at_home"  # folder of the records with the own rig
 _NOTHING = "No run of these is finished yet."
+# Those of the paper, and ours without learned depth.
+RUNS = tuple(
+    Experiment(method, "segment", 0, (*FLAGS[method], *HALF_STEPS))
+    for method in (OURS, "cnn", "frozen", "oft", "uniform")
+)
 
 
 @dataclass(frozen=True)
-class TransferConfig:
+class TransferConfig(QueueConfig):
     """What to run, and where.
 
     Attributes:
-        folder: That of segmentation_tables.py; the other rig's towns go there, too, 2 GB.
-        workers: Processes that make them; one a core if 0.
+        folder: For data sets of both rigs, and runs; that of robustness.py has the first.
+        train_scenes: Scenes to train on.
         records: Folder of the records.
-        at_home: Folder of the records of segmentation_tables.py.
-        pages: Folder of README.md and docs/, where the table stands between markers.
-        tables_only: Make the table from the records and end.
-        val_scenes: Scenes to ask about.
     """
 
-    folder: Annotated[Path, tyro.conf.Positional] = Path("runs/table6")
-    workers: Annotated[int, Bounds(0, 65_536)] = 0
+    folder: Annotated[Path, tyro.conf.Positional] = Path("runs/robustness")
+    train_scenes: Annotated[int, Bounds(1, 700)] = HALF_SCENES
     records: Path = Path("docs/results/transfer")
-    at_home: Path = Path("docs/results/segmentation")
-    pages: Path = Path()
-    tables_only: bool = False
-    val_scenes: Annotated[int, Bounds(1, 150)] = 100
-
-    def __post_init__(self) -> None:
-        check_settings(self)
 
 
 def transfer(config: TransferConfig) -> list[str]:
-    """Do what is left to do; returns the names of runs that are not trained yet."""
-    waiting: list[str] = []
+    """Do what is left to do; returns the names of runs that failed."""
+    failed: list[str] = []
+    home = Place(config.folder, config.records / _AT_HOME, "transfer")
+    away = Place(config.folder, config.records, "transfer")
     if not config.tables_only:
+        workers = len(os.sched_getaffinity(0))
+        sizes = config.train_scenes, config.val_scenes
+        make_data(home.world, *sizes, workers, sweeps="keyframes")
         other = config.folder / "lyft"
-        workers: Workers = config.workers or len(os.sched_getaffinity(0))
         make_world(
             MakeWorldConfig(
                 out=other,
@@ -82,17 +97,14 @@ def transfer(config: TransferConfig) -> list[str]:
                 workers=workers,
             )
         )
-        place = Place(config.folder, config.records, "segmentation")
-        for run in ALL:
-            if run.planner in CAMERAS and not place.record(run).exists():
-                if not is_trained(place.run(run)):
-                    waiting.append(run.name)
-                    continue
+        failed = run_all(RUNS, home, SEGMENTATIONS, config.jobs, config.flags)
+        for run in RUNS:
+            if is_trained(home.run(run)) and not away.record(run).exists():
                 logger.info(f"{run.name}: asked with the other rig")
-                save_record(ask(place.run(run), other, run.planner, run.seed), place.record(run))
-    tables = all_tables(load_records(config.records), load_records(config.at_home))
+                save_record(ask(home.run(run), other, run.planner, run.seed), away.record(run))
+    tables = all_tables(config.records)
     fill_pages(config.pages, {name: text or _NOTHING for name, text in tables.items()})
-    return waiting
+    return failed
 
 
 def ask(folder: Path, root: Path, method: str, seed: int) -> Record:
@@ -102,16 +114,17 @@ def ask(folder: Path, root: Path, method: str, seed: int) -> Record:
     return {"name": f"{method}-{seed}", "method": method, "seed": seed, **report.to_json()}
 
 
-def all_tables(away: list[Record], at_home: list[Record]) -> dict[str, str]:
-    """The table, by the name of its markers."""
+def all_tables(folder: Path) -> dict[str, str]:
+    """The tables, by the names of their markers, from the records in a folder."""
+    away, home = load_records(folder), load_records(folder / _AT_HOME)
     rows = []
     for method, label in CAMERAS.items():
         there = [record for record in away if record["method"] == method]
-        here = [record for record in at_home if record["method"] == method]
+        here = [record for record in home if record["method"] == method]
         if there:
             cells = [
                 spread(runs, lambda r, c=c: r["classes"][c]["iou"], "iou") if runs else "-"  # type: ignore[misc]
-                for c in ("car", "vehicle")
+                for c in _CLASSES
                 for runs in (here, there)
             ]
             paper = [f"{value:.2f}" for value in _PAPER.get(method, {}).values()] or ["", ""]
@@ -120,7 +133,24 @@ def all_tables(away: list[Record], at_home: list[Record]) -> dict[str, str]:
         "method", "car: own rig", "car: Lyft's", "vehicle: own rig", "vehicle: Lyft's",
         "paper, Lyft's: car", "vehicle",
     ]  # fmt: skip
-    return {"transfer-table4": markdown(header, rows) if rows else ""}
+    return {
+        "transfer-setting": budget_of(home),
+        "transfer-table4": markdown(header, rows) if rows else "",
+        "transfer-paired": _paired(folder, away),
+    }
+
+
+def _paired(folder: Path, away: Sequence[Record]) -> str:
+    """What ours has over the others with the other rig."""
+    seen = {record["method"]: load_overlaps(folder / f"{record['name']}.json") for record in away}
+    rows = []
+    for method, label in CAMERAS.items():
+        if method != OURS and {method, OURS} <= seen.keys():
+            found = paired_iou([seen[OURS]], [seen[method]])
+            rows.append(
+                [label, *(value_cell(asdict(found[c]), "iou", sign=True) for c in _CLASSES)]
+            )
+    return markdown(["with Lyft's rig, Lift-Splat minus", *_CLASSES], rows) if rows else ""
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 from run_queue import Experiment
-from segmentation_table.experiments import LEARNED
+from segmentation_table.experiments import HALF_STEPS, LEARNED
 
 from lss_core.config import CAMERAS
 from shoot.prediction.disturbance import Disturbance
@@ -22,7 +22,7 @@ PLAIN = "plain"  # trained as usual
 UNDISTURBED = "undisturbed"  # asked as usual
 # As in Tables 1 and 2 and in Table 6, in half of the steps: runs are compared with each other here.
 _AS_USUAL = {
-    "segmentation": Experiment(PLAIN, "segment", 0, (*LEARNED, "--optim.steps", "2000")),
+    "segmentation": Experiment(PLAIN, "segment", 0, (*LEARNED, *HALF_STEPS)),
     "planning": Experiment(PLAIN, "small", 0, ("--optim.steps", "2800")),
 }
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from marked_page import fill_pages
 from planning_table.cells import markdown, value_cell
-from run_queue import Record, load_records
+from run_queue import budget_of, load_records
 
 from lss_core.config import CAMERAS
 from robustness_table.conditions import (
@@ -50,7 +50,7 @@ def all_tables(folder: Path) -> dict[str, str]:
     made = {}
     for task, shown in _SHOWN.items():
         trained = load_records(folder / "runs" / task)
-        made[f"setting-{task}"] = _setting(trained)
+        made[f"setting-{task}"] = budget_of(trained)
         for metric, label in shown.items():
             cells = {
                 (record["run"], record["condition"]): value_cell(record["scores"][metric], metric)
@@ -67,19 +67,6 @@ def all_tables(folder: Path) -> dict[str, str]:
             made[f"missing-{end}"] = _column(cells, PLAIN, _MISSING, label)
             made[f"new-{end}"] = _column(cells, "four", _NEW, label)
     return made
-
-
-def _setting(trained: Sequence[Record]) -> str:
-    if not trained:
-        return ""
-    one = trained[0]
-    minutes = sum(record["train_s"] for record in trained) / len(trained) / 60.0
-    where = "; ".join(sorted({f"{r['processor']} ({r['precision']})" for r in trained}))
-    return (
-        f"{one['world']['train_scenes']} training scenes, {one['num_scenes']} validation scenes; "
-        f"{one['steps']} steps of {one['batch_size']} samples; {minutes:.0f} minutes of training a "
-        f"run, {one['runs_side_by_side']} side by side on {where}."
-    )
 
 
 def _curves(

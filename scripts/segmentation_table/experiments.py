@@ -26,7 +26,7 @@ METHODS = CAMERAS | LIDARS
 # What the paper's image networks know beforehand is ImageNet, all of these know what a planner has
 # learned of such a city.
 LEARNED = ("--model.pretrained", "templates/synthetic-1000/weights.safetensors")
-_FLAGS = {
+FLAGS = {
     OURS: LEARNED,
     "frozen": ("--model.freeze-encoder", *LEARNED),
     "cnn": ("--model.lift", "cnn", *LEARNED),
@@ -39,10 +39,14 @@ _FLAGS = {
 }
 _ONE_SEED = ("frozen", "uniform", "scratch", "fine-depth")
 
+# For runs that are compared with each other only, on half of the scenes.
+HALF_STEPS = ("--optim.steps", "2000")
+HALF_SCENES = 350
+
 # The first seed of all comes first: then every row is there.
 ALL = tuple(
     Experiment(method, "segment", seed, flags)
     for seed in SEEDS
-    for method, flags in _FLAGS.items()
+    for method, flags in FLAGS.items()
     if seed == 0 or method not in _ONE_SEED
 )

@@ -71,9 +71,7 @@ def test_the_pages_hold_what_the_records_say(scripts: Any) -> None:
         f"robustness-{name}": text or "No run of these is finished yet."
         for name, text in rob.all_tables(asked).items()
     }
-    away = scripts("transfer").all_tables(
-        queue.load_records(results / "transfer"), queue.load_records(of_runs)
-    )
+    away = scripts("transfer").all_tables(results / "transfer")
     tables |= {name: text or "No run of these is finished yet." for name, text in away.items()}
     pages = "\n".join(page.read_text(encoding="utf-8") for page in results.glob("*.md"))
     for name, text in tables.items():
@@ -158,13 +156,20 @@ def test_one_moment_is_drawn_without_each_camera(
     assert path.stat().st_size > 10_000
 
 
-def test_a_run_is_asked_with_another_rig(scripts: Any, tiny_segmenter: TinySegmenter) -> None:
+def test_a_run_is_asked_with_another_rig(
+    scripts: Any, tiny_segmenter: TinySegmenter, tmp_path: Path
+) -> None:
     """Here its own; of the towns of both there is one table."""
-    transfer = scripts("transfer")
-    made = transfer.ask(tiny_segmenter.folder, tiny_segmenter.root, "ours", 0)
-    table = transfer.all_tables([made], [record("ours", 0, 30.0)])["transfer-table4"]
-    assert "| **Lift-Splat** | 30.00 [29.00, 31.00] |" in table
-    assert "| 21.35 | 22.59 |" in table
+    transfer, save = scripts("transfer"), scripts("run_queue").save_record
+    asked = transfer.ask(tiny_segmenter.folder, tiny_segmenter.root, "ours", 0)
+    save(asked, tmp_path / "ours-0.json")
+    save(asked | {"name": "oft-0", "method": "oft"}, tmp_path / "oft-0.json")
+    save(record("ours", 0, 30.0), tmp_path / "at_home" / "ours-0.json")
+    tables = transfer.all_tables(tmp_path)
+    assert "| **Lift-Splat** | 30.00 [29.00, 31.00] |" in tables["transfer-table4"]
+    assert "| 21.35 | 22.59 |" in tables["transfer-table4"]
+    assert "| OFT | +0.00 [+0.00, +0.00]" in tables["transfer-paired"]
+    assert tables["transfer-setting"].startswith("700 training scenes")
 
 
 @pytest.mark.full
