@@ -3,9 +3,10 @@
     python scripts/vocabularies.py [FOLDER] [--part coverage planners] [--jobs 2]
 
 Fits every vocabulary and measures how near it comes to what was driven (minutes), then trains the
-camera planner of table6.py on each method at K = 1000 and on K-Means at each K, three seeds each
-(hours), and writes the tables of docs/templates.md. Run again, it goes on where it was. What is
-done leaves a record in docs/results/vocabularies/, and the tables are made from these alone.
+camera planner of table6.py in half of its steps on each method at K = 1000 and on K-Means at each
+K, three seeds each (hours), and writes the tables of docs/templates.md. Run again, it goes on where
+it was. What is done leaves a record in docs/results/vocabularies/, and the tables are made from
+these alone.
 """
 
 import logging

@@ -15,6 +15,7 @@ MAIN_METRICS = {
 }
 
 
+HALF_STEPS = ("--optim.steps", "2800")
 # The paper's Table 6.
 TABLE = tuple(
     Experiment(planner, preset, seed)
@@ -28,8 +29,8 @@ LIMITS = (
     Experiment("camera-static-poses", "small", 0, ("--data.no-ego-motion",)),
     Experiment("camera-half-data", "small", 0, ("--train-split", HALF)),
     Experiment("lidar10-half-data", "lidar10", 0, ("--train-split", HALF)),
-    Experiment("camera-half-steps", "small", 0, ("--optim.steps", "2800")),
-    Experiment("lidar10-half-steps", "lidar10", 0, ("--optim.steps", "2800")),
+    Experiment("camera-half-steps", "small", 0, HALF_STEPS),
+    Experiment("lidar10-half-steps", "lidar10", 0, HALF_STEPS),
     Experiment(
         "camera-half-resolution",
         "small",

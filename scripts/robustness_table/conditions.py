@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 
+from planning_table.experiments import HALF_STEPS as HALF_PLAN_STEPS
 from run_queue import Experiment
 from segmentation_table.experiments import HALF_STEPS, LEARNED
 
@@ -23,7 +24,7 @@ UNDISTURBED = "undisturbed"  # asked as usual
 # As in Tables 1 and 2 and in Table 6, in half of the steps: runs are compared with each other here.
 _AS_USUAL = {
     "segmentation": Experiment(PLAIN, "segment", 0, (*LEARNED, *HALF_STEPS)),
-    "planning": Experiment(PLAIN, "small", 0, ("--optim.steps", "2800")),
+    "planning": Experiment(PLAIN, "small", 0, HALF_PLAN_STEPS),
 }
 
 

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 
 from planning_table.cells import markdown, model_spread, spread
-from run_queue import Record
+from run_queue import Record, budget_of
 
 from vocabulary_table.vocabularies import METHODS, SIZE
 
@@ -103,12 +103,7 @@ def _planners(records: Sequence[Record]) -> str:
             ]
         )
     header = ["vocabulary: seeds", *_PLANNED.values(), "NLL - log K, nats", "oracle ADE, m"]
-    one = records[0]
-    setting = (
-        f"{one['num_samples']} validation samples, {one['num_scenes']} scenes; {one['steps']} "
-        f"steps of {one['batch_size']} samples, {one['precision']}, on {one['processor']}."
-    )
-    return f"{setting}\n\n{markdown(header, rows)}"
+    return f"{budget_of(records)}\n\n{markdown(header, rows)}"
 
 
 def _nll_above_uniform(record: Record) -> Record:

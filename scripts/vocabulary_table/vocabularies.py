@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import get_args
 
+from planning_table.experiments import HALF_STEPS
 from run_queue import Experiment, Place
 
 from shoot.templates.methods import Method
@@ -37,9 +38,9 @@ TRAINED = tuple(v for v in ALL if v.k == SIZE or v.method == "kmeans")
 
 
 def runs_on(vocabularies: Sequence[Vocabulary], place: Place) -> list[Experiment]:
-    """The planner `small` on each of some vocabularies, all with one seed before the next."""
+    """The planner `small`, half its steps, on each of some vocabularies, seed by seed."""
     return [
-        Experiment(one.name, "small", seed, ("--templates", str(one.file(place))))
+        Experiment(one.name, "small", seed, ("--templates", str(one.file(place)), *HALF_STEPS))
         for seed in SEEDS
         for one in vocabularies
     ]

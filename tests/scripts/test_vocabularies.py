@@ -89,8 +89,9 @@ def planned(method: str, k: int, nll: float) -> dict[str, Any]:
 
     names = ("top1", "top5", "top10", "top20", "min_ade_10")
     return {
-        "method": method, "k": k, "seed": 0, "num_samples": 30, "num_scenes": 10, "steps": 9,
-        "batch_size": 8, "precision": "32-true", "processor": "a processor",
+        "method": method, "k": k, "seed": 0, "world": {"train_scenes": 20}, "num_scenes": 10,
+        "steps": 9, "batch_size": 8, "precision": "32-true", "processor": "a processor",
+        "train_s": 60.0, "runs_side_by_side": 2,
         "methods": {"model": dict.fromkeys(names, interval(5.0)) | {"nll": interval(nll)}},
         "oracle": {"ade": interval(2.0)},
     }  # fmt: skip
