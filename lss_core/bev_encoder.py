@@ -23,8 +23,8 @@ class BevEncoder(nn.Module):
 
     Args:
         in_channels: C.
-        out_channels: Channels of the map. A single one has no bias: it would be the same cost
-            everywhere.
+        out_channels: Channels of the map. They have no bias: as a cost it would be the same
+            everywhere, and what else needs one adds it.
         stem_channels: Width of the first stage; the next ones have two and four times as much.
         decoder_channels: Width of the two convolutions after joining; the one at full resolution
             has half of it.
@@ -53,14 +53,12 @@ class BevEncoder(nn.Module):
         wide, narrow = decoder_channels, decoder_channels // 2
         self.mix = nn.Sequential(*_conv_bn_relu(c3 + c1, wide), *_conv_bn_relu(wide, wide))
         self.smooth = nn.Sequential(*_conv_bn_relu(wide, narrow))
-        self.head = nn.Conv2d(narrow, out_channels, 1, bias=out_channels > 1)
+        self.head = nn.Conv2d(narrow, out_channels, 1, bias=False)
         suit_cpus(self)
         for module in self.modules():
             if isinstance(module, nn.Conv2d):
                 nn.init.kaiming_normal_(module.weight, mode="fan_out", nonlinearity="relu")
         nn.init.normal_(self.head.weight, std=head_init_std)
-        if self.head.bias is not None:
-            nn.init.zeros_(self.head.bias)
 
     def forward(
         self, bev: Float[Tensor, "B Cin X Y"], window: CellWindow | None = None

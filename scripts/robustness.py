@@ -51,7 +51,7 @@ class RobustnessConfig(QueueConfig):
     folder: Annotated[Path, tyro.conf.Positional] = Path("runs/robustness")
     task: tuple[Task, ...] = ("segmentation", "planning")
     train_scenes: Annotated[int, Bounds(1, 700)] = HALF_SCENES
-    every: Count = 3
+    every: Count = 6
     records: Path = Path("docs/results/robustness")
 
 

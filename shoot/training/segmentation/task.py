@@ -1,5 +1,6 @@
 """Segmentation as a task of a run: a channel of the map for each class, trained cell by cell."""
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,25 @@ from shoot.training.segmentation.running_overlap import RunningOverlap
 from shoot.training.task import Best
 
 _MARK = "segmentation_classes"
+_RARE = 0.01  # how probable every class is in every cell at the start
+
+
+class _Start(nn.Module):
+    """Adds to each class its log-odds where the map's network says nothing.
+
+    At first all classes are improbable. Were they as probable as not, the network would learn what
+    speaks against a rare class and nothing that speaks for it: its features, none of them negative,
+    all get negative weights, and no cell can then be more probable than one without features.
+    """
+
+    def __init__(self, num_classes: int) -> None:
+        super().__init__()
+        self.log_odds = nn.Parameter(
+            torch.full((num_classes, 1, 1), math.log(_RARE / (1.0 - _RARE)))
+        )
+
+    def forward(self, maps: Float[Tensor, "B C X Y"]) -> Float[Tensor, "B C X Y"]:
+        return maps + self.log_odds
 
 
 class Segmentation:
@@ -66,12 +86,13 @@ class Segmentation:
         return collate_segments(samples)
 
     def new_head(self) -> nn.Module:
-        """Nothing: the map itself is what is read."""
-        return nn.Identity()
+        """What each class starts from, the map's network saying nothing."""
+        return _Start(self.out_channels)
 
     def outputs(self, head: nn.Module, maps: Float[Tensor, "B C X Y"]) -> Float[Tensor, "B C X Y"]:
         """Log-odds of each class in each cell."""
-        return maps.float()
+        log_odds: Tensor = head(maps.float())
+        return log_odds
 
     def loss(
         self, head: nn.Module, maps: Float[Tensor, "B C X Y"], batch: SegmentBatch

@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 import torch
 from resumption import assert_same_run, checkpoint, wait_for
+from torch.nn import functional as F
 from world_fixture import TinyRun, TinySegmenter, command, complaint, segment_flags, start_command
 
 from lss_core.batch import collate
+from lss_core.bev_encoder import BevEncoder
 from lss_core.data.samples import load_index
 from lss_core.labels import sample_labels
 from shoot.training.module import TaskModule
@@ -32,6 +34,28 @@ def config(tiny_segmenter: TinySegmenter) -> SegmentConfig:
 
 def test_it_is_a_task(config: SegmentConfig) -> None:
     assert isinstance(Segmentation(config), Task)
+
+
+@pytest.mark.trains
+def test_a_rare_class_is_soon_found(config: SegmentConfig) -> None:
+    """From log-odds of 0 it is found nowhere: all that is learned speaks against it."""
+    torch.manual_seed(0)
+    task = Segmentation(replace(config, classes=("car",), pos_weights=(10.0,)))
+    sensors = task.dataset(task.load_split(config.data, "val"), config)[0, -1].sensors
+    net, head = BevEncoder(1, 1, stem_channels=8, decoder_channels=16), task.new_head()
+    optimizer = torch.optim.Adam([*net.parameters(), *head.parameters()], lr=2e-3)
+    metrics = task.new_metrics()
+    for step in range(150):
+        cars = F.max_pool2d((torch.rand(4, 1, 48, 48) < 0.003).float(), 3, 1, 1)
+        batch = SegmentBatch(collate([sensors] * 4), cars.to(torch.uint8))
+        maps = net(cars + torch.randn_like(cars))
+        loss = task.loss(head, maps, batch)
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+        if step >= 140:
+            task.measure(metrics, task.outputs(head, maps), batch)
+    assert metrics.compute()["iou_car"] > 10.0
 
 
 def test_every_keyframe_is_a_target_though_none_has_a_future(config: SegmentConfig) -> None:
@@ -107,7 +131,9 @@ def test_loss_is_the_mean_cross_entropy_with_positive_cells_weighted(
     batch = SegmentBatch(collate([dataset[0, -1].sensors]), truth)
     log1pexp = [math.log1p(math.exp(x)) for x in (-0.3, -1.0, 2.0, -0.5)]
     expected = (log1pexp[0] + log1pexp[1] + log1pexp[2] + 5.0 * log1pexp[3]) / 4
-    assert float(task.loss(task.new_head(), logit, batch)) == pytest.approx(expected, rel=1e-6)
+    head = task.new_head()
+    maps = logit - task.outputs(head, torch.zeros_like(logit))
+    assert task.loss(head, maps, batch).item() == pytest.approx(expected, rel=1e-6)
 
 
 @pytest.mark.trains
@@ -140,7 +166,6 @@ def test_validation_writes_an_overlap_for_each_class(
 
 
 @pytest.mark.trains
-@pytest.mark.full  # the loop is the planners', whose tests of it run every day
 @pytest.mark.full  # the loop is the planners', whose tests of it run every day
 def test_killed_run_ends_as_an_undisturbed_one(
     tiny_segmenter: TinySegmenter, tmp_path: Path
