@@ -62,6 +62,8 @@ def _draw_panel(
             for name, at in conditions.items()
             if (task, run, name) in found
         }
+        if not points:
+            continue
         places = sorted(points)
         values, low, high = ([points[at][key] for at in places] for key in ("value", "low", "high"))
         axes.plot(places, values, dashes, marker="o", color=colour, markersize=4, label=run)
