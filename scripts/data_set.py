@@ -10,6 +10,7 @@ from shoot.world.config import VERSION, MakeWorldConfig
 from shoot.world.writer import make_world
 
 HALF = "train_half"  # a split of half the training scenes
+HALF_SCENES = 350  # a data set of half the size, for runs that are compared with each other only
 
 
 def make_data(

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
+from data_set import HALF_SCENES
 from planning_table.work import PLANNERS, prepare
 from robustness_table.asking import SPLIT, ask
 from robustness_table.conditions import PLAIN, Condition, conditions_of, runs_of
@@ -25,7 +26,6 @@ from robustness_table.page import write_tables
 from robustness_table.paired import asked_file
 from robustness_table.rig_figure import draw_rig
 from run_queue import Place, QueueConfig, is_trained, load_records, run_all, run_script, save_record
-from segmentation_table.experiments import HALF_SCENES
 from segmentation_table.records import SEGMENTATIONS
 
 from lss_core.bounds import Bounds, Count

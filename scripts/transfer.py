@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Annotated
 
 import tyro
-from data_set import make_data
+from data_set import HALF_SCENES, make_data
 from marked_page import fill_pages
 from planning_table.cells import markdown, spread, value_cell
 from run_queue import (
@@ -31,7 +31,7 @@ from run_queue import (
     run_script,
     save_record,
 )
-from segmentation_table.experiments import CAMERAS, FLAGS, HALF_SCENES, HALF_STEPS, OURS
+from segmentation_table.experiments import CAMERAS, FLAGS, HALF_STEPS, OURS
 from segmentation_table.records import SEGMENTATIONS
 
 from lss_core.bounds import Bounds

@@ -1,6 +1,7 @@
 """The tables of docs/results/robustness.md, from records alone."""
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 from marked_page import fill_pages
@@ -57,10 +58,7 @@ def all_tables(folder: Path) -> dict[str, str]:
                 for record in records
                 if record["task"] == task
             }
-
-            def gain(run: str, condition: str, task: str = task, metric: str = metric) -> str:
-                return gain_cell(folder, task, run, condition, metric)
-
+            gain = partial(gain_cell, folder, task, metric)
             end = task if len(shown) == 1 else f"{task}-{metric}"
             for kind, asked in (("noise", _NOISE), ("drop", _DROP)):
                 made[f"{kind}-{end}"] = _curves(cells, curves_of(task, kind), asked, label, gain)

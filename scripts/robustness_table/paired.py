@@ -15,15 +15,15 @@ def asked_file(folder: Path, task: str, run: str, condition: str) -> Path:
     return folder / f"{task}-{run}-{condition.replace(' ', '')}.json"
 
 
-def gain_cell(folder: Path, task: str, run: str, condition: str, metric: str) -> str:
+def gain_cell(folder: Path, task: str, metric: str, run: str, condition: str) -> str:
     """The run minus the plain one with its interval over scenes; `-` if one was not asked.
 
     Args:
         folder: Of the records.
         task: Of both.
+        metric: A class of a segmentation, `top10` or `nll` of a planner.
         run: The run.
         condition: How both were asked.
-        metric: A class of a segmentation, `top10` or `nll` of a planner.
     """
     own, plain = (asked_file(folder, task, it, condition) for it in (run, PLAIN))
     if not (own.exists() and plain.exists()):

@@ -41,7 +41,6 @@ _ONE_SEED = ("frozen", "uniform", "scratch", "fine-depth")
 
 # For runs that are compared with each other only, on half of the scenes.
 HALF_STEPS = ("--optim.steps", "2000")
-HALF_SCENES = 350
 
 # The first seed of all comes first: then every row is there.
 ALL = tuple(

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from world_fixture import TinyRun
 
+from shoot.templates import TemplateSet
+
 ROOT = Path(__file__).parents[2]
 TABLES = ("scores", "facts", "failings")
 
@@ -70,6 +72,18 @@ def test_who_plans_no_templates_cannot_forget_its_speed(scripts: Any) -> None:
     failings = scripts("driving_table.failings")
     jumps_mps = failings.speed_jumps_mps(route([1]) | {"plans": {"template": [None]}}, _Templates())
     assert np.isnan(failings.failings_of(route([1]), jumps_mps)["forgets its speed"])
+
+
+def test_the_first_camera_planner_is_the_shipped_one(
+    scripts: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(ROOT)
+    script, first = scripts("closed_loop"), scripts("planning_table.experiments").TABLE[0]
+    shipped = script._folder_of(first, script.StudyConfig(tmp_path))
+    templates = TemplateSet.load(shipped / "templates.npz")
+    assert script._report_of(shipped)["templates_sha256"] == templates.sha256
+    others = (drive.run for drive in script.STUDY if drive.run not in (None, first))
+    assert not any(script._folder_of(run, script.StudyConfig(tmp_path)) for run in others)
 
 
 def test_ranks_agree_as_spearman_says(scripts: Any) -> None:
