@@ -41,14 +41,14 @@ class RobustnessConfig(QueueConfig):
     """What to run, and where.
 
     Attributes:
-        folder: For data set, templates and runs; 4 GB.
+        folder: For data set, templates and runs; that of segmentation_tables.py has the data set.
         task: Which runs; both if not given.
         train_scenes: Scenes to train on: half of table6.py's, for half of its steps.
         every: Every so many validation samples are asked about.
         records: Folder of the records.
     """
 
-    folder: Annotated[Path, tyro.conf.Positional] = Path("runs/robustness")
+    folder: Annotated[Path, tyro.conf.Positional] = Path("runs/half")
     task: tuple[Task, ...] = ("segmentation", "planning")
     train_scenes: Annotated[int, Bounds(1, 700)] = HALF_SCENES
     every: Count = 6
@@ -61,7 +61,7 @@ def robustness(config: RobustnessConfig) -> list[str]:
     for task in () if config.tables_only else config.task:
         place = Place(config.folder, config.records / "runs" / task, task)
         workers = len(os.sched_getaffinity(0))
-        prepare(place, config.train_scenes, config.val_scenes, 1000, workers, sweeps="keyframes")
+        prepare(place, config.train_scenes, config.val_scenes, 1000, workers)
         runs = runs_of(task)
         failed += run_all(list(runs.values()), place, _KINDS[task], config.jobs, config.flags)
         for name, run in runs.items():

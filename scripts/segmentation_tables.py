@@ -2,8 +2,8 @@
 
     python scripts/segmentation_tables.py [FOLDER] [--only ours lidar10] [--jobs 2]
 
-Makes the data set of table6.py (give its folder to share it), trains, evaluates and writes the
-tables of docs/results/segmentation.md; hours in all. Run again, it goes on where it was. Each
+Makes a data set, trains, evaluates and writes the tables of docs/results/segmentation.md; hours in
+all. Run again, it goes on where it was. robustness.py and transfer.py go on with its folder. Each
 finished run leaves a record in docs/results/segmentation/, and the tables are made from these
 records alone: copied there from other machines, they count as done here.
 """
@@ -14,11 +14,13 @@ from pathlib import Path
 from typing import Annotated
 
 import tyro
-from data_set import make_data
+from data_set import HALF_SCENES, make_data
 from run_queue import Place, QueueConfig, choose, load_records, run_all, run_script
 from segmentation_table.experiments import ALL
 from segmentation_table.page import write_tables
 from segmentation_table.records import SEGMENTATIONS
+
+from lss_core.bounds import Bounds
 
 
 @dataclass(frozen=True)
@@ -26,13 +28,15 @@ class TablesConfig(QueueConfig):
     """What to run, and where.
 
     Attributes:
-        folder: For data set and runs; 22 GB.
+        folder: For data set and runs; 14 GB.
         only: Methods or runs, as `oft` or `ours-2`; all if not given.
+        train_scenes: Scenes to train on: half of table6.py's, for half of the preset's steps.
         records: Folder of the records.
     """
 
-    folder: Annotated[Path, tyro.conf.Positional] = Path("runs/table6")
+    folder: Annotated[Path, tyro.conf.Positional] = Path("runs/half")
     only: tuple[str, ...] = ()
+    train_scenes: Annotated[int, Bounds(1, 700)] = HALF_SCENES
     records: Path = Path("docs/results/segmentation")
 
 

@@ -2,25 +2,23 @@
 
     python scripts/transfer.py [FOLDER] [--jobs 2]
 
-Trains the methods that see images, makes the validation towns once more, as a car with the cameras
-of Lyft Level 5 sees them, asks each method there, and writes the table of docs/results/transfer.md;
-hours in all. Run again, it goes on where it was. Records go to docs/results/transfer/, and the
-table is made from these alone.
+Makes the validation towns once more, as a car with the cameras of Lyft Level 5 sees them, asks the
+runs of segmentation_tables.py there, which it trains if they are not, and writes the tables of
+docs/results/transfer.md. Run again, it goes on where it was. Records go to docs/results/transfer/,
+and the tables are made from these and from those of segmentation_tables.py alone.
 """
 
 import logging
 import os
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 from data_set import HALF_SCENES, make_data
 from marked_page import fill_pages
-from planning_table.cells import markdown, spread, value_cell
+from planning_table.cells import markdown, spread
 from run_queue import (
-    Experiment,
     Place,
     QueueConfig,
     Record,
@@ -31,11 +29,11 @@ from run_queue import (
     run_script,
     save_record,
 )
-from segmentation_table.experiments import CAMERAS, FLAGS, HALF_STEPS, OURS
+from segmentation_table.experiments import ALL, CAMERAS, OURS
+from segmentation_table.page import paired_rows
 from segmentation_table.records import SEGMENTATIONS
 
 from lss_core.bounds import Bounds
-from shoot.evaluation.segmentation.paired import load_overlaps, paired_iou
 from shoot.evaluation.segmentation.scoring import score_segmentation
 from shoot.prediction.segmenter import open_segmenter
 from shoot.world.config import MakeWorldConfig
@@ -51,13 +49,10 @@ _PAPER = {
     OURS: {"car": 21.35, "vehicle": 22.59},
 }
 _CLASSES = ("car", "vehicle")
-_AT_HOME = "at_home"  # folder of the records with the own rig
 _NOTHING = "No run of these is finished yet."
 # Those of the paper, and ours without learned depth.
-RUNS = tuple(
-    Experiment(method, "segment", 0, (*FLAGS[method], *HALF_STEPS))
-    for method in (OURS, "cnn", "frozen", "oft", "uniform")
-)
+_METHODS = (OURS, "cnn", "frozen", "oft", "uniform")
+RUNS = tuple(run for run in ALL if run.planner in _METHODS)
 
 
 @dataclass(frozen=True)
@@ -65,25 +60,28 @@ class TransferConfig(QueueConfig):
     """What to run, and where.
 
     Attributes:
-        folder: For data sets of both rigs, and runs; that of robustness.py has the first.
+        folder: For data sets of both rigs, and runs; that of segmentation_tables.py has all but the
+            other rig's.
         train_scenes: Scenes to train on.
         records: Folder of the records.
+        home: Folder of the records of segmentation_tables.py.
     """
 
-    folder: Annotated[Path, tyro.conf.Positional] = Path("runs/robustness")
+    folder: Annotated[Path, tyro.conf.Positional] = Path("runs/half")
     train_scenes: Annotated[int, Bounds(1, 700)] = HALF_SCENES
     records: Path = Path("docs/results/transfer")
+    home: Path = Path("docs/results/segmentation")
 
 
 def transfer(config: TransferConfig) -> list[str]:
     """Do what is left to do; returns the names of runs that failed."""
     failed: list[str] = []
-    home = Place(config.folder, config.records / _AT_HOME, "transfer")
-    away = Place(config.folder, config.records, "transfer")
+    home = Place(config.folder, config.home, "segmentation")
+    away = Place(config.folder, config.records, "segmentation")
     if not config.tables_only:
         workers = len(os.sched_getaffinity(0))
         sizes = config.train_scenes, config.val_scenes
-        make_data(home.world, *sizes, workers, sweeps="keyframes")
+        make_data(home.world, *sizes, workers)
         other = config.folder / "lyft"
         make_world(
             MakeWorldConfig(
@@ -102,7 +100,7 @@ def transfer(config: TransferConfig) -> list[str]:
             if is_trained(home.run(run)) and not away.record(run).exists():
                 logger.info(f"{run.name}: asked with the other rig")
                 save_record(ask(home.run(run), other, run.planner, run.seed), away.record(run))
-    tables = all_tables(config.records)
+    tables = all_tables(config.records, config.home)
     fill_pages(config.pages, {name: text or _NOTHING for name, text in tables.items()})
     return failed
 
@@ -114,43 +112,36 @@ def ask(folder: Path, root: Path, method: str, seed: int) -> Record:
     return {"name": f"{method}-{seed}", "method": method, "seed": seed, **report.to_json()}
 
 
-def all_tables(folder: Path) -> dict[str, str]:
-    """The tables, by the names of their markers, from the records in a folder."""
-    away, home = load_records(folder), load_records(folder / _AT_HOME)
+def all_tables(folder: Path, at_home: Path) -> dict[str, str]:
+    """The tables, by the names of their markers, from records with the other rig and at home."""
+    away = load_records(folder)
+    asked = {record["name"] for record in away}
+    home = [record for record in load_records(at_home) if record["name"] in asked]
+    of_method = {method: [r for r in away if r["method"] == method] for method in CAMERAS}
+    runs = {method: own for method, own in of_method.items() if own}
     rows = []
-    for method, label in CAMERAS.items():
-        there = [record for record in away if record["method"] == method]
+    for method, there in runs.items():
         here = [record for record in home if record["method"] == method]
-        if there:
-            cells = [
-                spread(runs, lambda r, c=c: r["classes"][c]["iou"], "iou") if runs else "-"  # type: ignore[misc]
-                for c in _CLASSES
-                for runs in (here, there)
-            ]
-            paper = [f"{value:.2f}" for value in _PAPER.get(method, {}).values()] or ["", ""]
-            rows.append([f"**{label}**" if method == OURS else label, *cells, *paper])
+        cells = [
+            spread(own, lambda r, c=c: r["classes"][c]["iou"], "iou") if own else "-"  # type: ignore[misc]
+            for c in _CLASSES
+            for own in (here, there)
+        ]
+        paper = [f"{value:.2f}" for value in _PAPER.get(method, {}).values()] or ["", ""]
+        label = CAMERAS[method]
+        rows.append([f"**{label}**" if method == OURS else label, *cells, *paper])
     header = [
         "method", "car: own rig", "car: Lyft's", "vehicle: own rig", "vehicle: Lyft's",
         "paper, Lyft's: car", "vehicle",
     ]  # fmt: skip
+    paired = paired_rows(runs, folder, _CLASSES)
     return {
         "transfer-setting": budget_of(home),
         "transfer-table4": markdown(header, rows) if rows else "",
-        "transfer-paired": _paired(folder, away),
+        "transfer-paired": markdown(["with Lyft's rig, Lift-Splat minus", *_CLASSES], paired)
+        if paired
+        else "",
     }
-
-
-def _paired(folder: Path, away: Sequence[Record]) -> str:
-    """What ours has over the others with the other rig."""
-    seen = {record["method"]: load_overlaps(folder / f"{record['name']}.json") for record in away}
-    rows = []
-    for method, label in CAMERAS.items():
-        if method != OURS and {method, OURS} <= seen.keys():
-            found = paired_iou([seen[OURS]], [seen[method]])
-            rows.append(
-                [label, *(value_cell(asdict(found[c]), "iou", sign=True) for c in _CLASSES)]
-            )
-    return markdown(["with Lyft's rig, Lift-Splat minus", *_CLASSES], rows) if rows else ""
 
 
 if __name__ == "__main__":

@@ -39,13 +39,19 @@ FLAGS = {
 }
 _ONE_SEED = ("frozen", "uniform", "scratch", "fine-depth")
 
-# For runs that are compared with each other only, on half of the scenes.
-HALF_STEPS = ("--optim.steps", "2000")
+# Half of the preset's, on half of the scenes: the runs are compared with each other only.
+_STEPS = ("--optim.steps", "2000")
+
+
+def run_of(method: str, seed: int) -> Experiment:
+    """The run of a method."""
+    return Experiment(method, "segment", seed, (*FLAGS[method], *_STEPS))
+
 
 # The first seed of all comes first: then every row is there.
 ALL = tuple(
-    Experiment(method, "segment", seed, flags)
+    run_of(method, seed)
     for seed in SEEDS
-    for method, flags in FLAGS.items()
+    for method in FLAGS
     if seed == 0 or method not in _ONE_SEED
 )

@@ -1,6 +1,6 @@
 """The tables of docs/results/segmentation.md, from the records of finished runs alone."""
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -97,22 +97,36 @@ def _iou(own: Sequence[Record], of_class: str) -> str:
 
 
 def _paired_table(runs: dict[str, list[Record]], folder: Path) -> str:
-    overlaps = {
-        name: [load_overlaps(folder / f"{record['name']}.json") for record in own]
-        for name, own in runs.items()
-    }
-    rows = []
-    for name in METHODS:
-        if name != OURS and name in overlaps and OURS in overlaps:
-            found = paired_iou(overlaps[OURS], overlaps[name])
-            cells = [value_cell(asdict(found[c]), "iou", sign=True) for c in CLASSES]
-            rows.append([METHODS[name], *cells])
+    rows = paired_rows(runs, folder, CLASSES)
     if not rows:
         return ""
     return (
         f"{METHODS[OURS]} minus the others in points of IoU, means over seeds, on the same samples "
         "(paired 95 % intervals over scenes):\n\n" + markdown(["minus", *CLASSES.values()], rows)
     )
+
+
+def paired_rows(
+    runs: Mapping[str, Sequence[Record]], folder: Path, classes: Iterable[str]
+) -> list[list[str]]:
+    """What ours has over each other method in points of IoU, with paired intervals over scenes.
+
+    Args:
+        runs: Method to its records.
+        folder: Of the records.
+        classes: A column for each.
+    """
+    overlaps = {
+        name: [load_overlaps(folder / f"{record['name']}.json") for record in own]
+        for name, own in runs.items()
+    }
+    rows = []
+    for name in overlaps:
+        if name != OURS and OURS in overlaps:
+            found = paired_iou(overlaps[OURS], overlaps[name])
+            cells = [value_cell(asdict(found[c]), "iou", sign=True) for c in classes]
+            rows.append([METHODS[name], *cells])
+    return rows
 
 
 def _part_table(runs: dict[str, list[Record]]) -> str:

@@ -71,7 +71,7 @@ def test_the_pages_hold_what_the_records_say(scripts: Any) -> None:
         f"robustness-{name}": text or "No run of these is finished yet."
         for name, text in rob.all_tables(asked).items()
     }
-    away = scripts("transfer").all_tables(results / "transfer")
+    away = scripts("transfer").all_tables(results / "transfer", of_runs)
     tables |= {name: text or "No run of these is finished yet." for name, text in away.items()}
     pages = "\n".join(page.read_text(encoding="utf-8") for page in results.glob("*.md"))
     for name, text in tables.items():
@@ -165,7 +165,7 @@ def test_a_run_is_asked_with_another_rig(
     save(asked, tmp_path / "ours-0.json")
     save(asked | {"name": "oft-0", "method": "oft"}, tmp_path / "oft-0.json")
     save(record("ours", 0, 30.0), tmp_path / "at_home" / "ours-0.json")
-    tables = transfer.all_tables(tmp_path)
+    tables = transfer.all_tables(tmp_path, tmp_path / "at_home")
     assert "| **Lift-Splat** | 30.00 [29.00, 31.00] |" in tables["transfer-table4"]
     assert "| 21.35 | 22.59 |" in tables["transfer-table4"]
     assert "| OFT | +0.00" in tables["transfer-paired"]
