@@ -27,7 +27,11 @@ _SHOWN = {
 _NOISE = {UNDISTURBED: "0 rad"} | {f"noise-{level:g}": f"{level:g} rad" for level in NOISE_RAD}
 _DROP = {UNDISTURBED: "0 dropped"} | {f"drop-{num}": f"{num} dropped" for num in DROPS}
 _MISSING = {UNDISTURBED: "all cameras"} | {f"without-{c}": f"without {c}" for c in CAMERAS}
-_NEW = {condition.name: condition.name for condition in conditions_of("four")}
+_NEW = {
+    c.name: f"{c.name} cameras" if c.name in ("4", "all") else c.name for c in conditions_of("four")
+}
+# Of two askings, each a run and a condition: what the first has over the second.
+_Gain = Callable[[tuple[str, str], tuple[str, str]], str]
 _NOTHING = "No run of these is finished yet."
 
 
@@ -62,8 +66,8 @@ def all_tables(folder: Path) -> dict[str, str]:
             end = task if len(shown) == 1 else f"{task}-{metric}"
             for kind, asked in (("noise", _NOISE), ("drop", _DROP)):
                 made[f"{kind}-{end}"] = _curves(cells, curves_of(task, kind), asked, label, gain)
-            made[f"missing-{end}"] = _column(cells, PLAIN, _MISSING, label)
-            made[f"new-{end}"] = _column(cells, "four", _NEW, label)
+            made[f"missing-{end}"] = _column(cells, PLAIN, _MISSING, label, gain)
+            made[f"new-{end}"] = _column(cells, "four", _NEW, label, gain)
     return made
 
 
@@ -72,7 +76,7 @@ def _curves(
     runs: Sequence[str],
     conditions: Mapping[str, str],
     label: str,
-    gain: Callable[[str, str], str],
+    gain: _Gain,
 ) -> str:
     """A row for each run, and for what it has over the plain one; a column for each condition."""
     rows = []
@@ -81,7 +85,7 @@ def _curves(
         if any(cell != "-" for cell in own):
             rows.append([run, *own])
     for run in runs:
-        more = [gain(run, condition) for condition in conditions]
+        more = [gain((run, condition), (PLAIN, condition)) for condition in conditions]
         if run != PLAIN and any(cell != "-" for cell in more):
             rows.append([f"{run} minus {PLAIN}", *more])
     if not rows:
@@ -90,10 +94,18 @@ def _curves(
 
 
 def _column(
-    cells: Mapping[tuple[str, str], str], run: str, conditions: Mapping[str, str], label: str
+    cells: Mapping[tuple[str, str], str],
+    run: str,
+    conditions: Mapping[str, str],
+    label: str,
+    gain: _Gain,
 ) -> str:
-    """A row for each condition of one run."""
-    rows = [[text, cells.get((run, condition), "-")] for condition, text in conditions.items()]
-    if all(cell == "-" for _, cell in rows):
+    """A row for each condition of one run, with what it has over the first of them."""
+    first, *others = conditions
+    rows = [[conditions[first], cells.get((run, first), "-"), ""]]
+    for condition in others:
+        more = gain((run, condition), (run, first))
+        rows.append([conditions[condition], cells.get((run, condition), "-"), more])
+    if all(cell == "-" for _, cell, _ in rows):
         return ""
-    return markdown(["asked with", label], rows)
+    return markdown(["asked with", label, f"minus {conditions[first]}"], rows)
