@@ -193,7 +193,8 @@ def test_all_folds_choose_the_epochs():
     assert fit_past_motion(train, each[train.scene, labels], TEMPLATES).epochs <= 1
 
 
-def test_says_the_mean_of_its_networks_which_is_less_of_a_draw():
+def test_says_the_mean_of_its_networks_which_is_less_of_a_draw(monkeypatch):
+    monkeypatch.setattr(past_motion, "MAX_EPOCHS", 6)
     new, labels = _turning(200, seed=3)
     # Labels that are hard to tell, so that networks differ.
     train, train_labels = _turning(600, seed=4)

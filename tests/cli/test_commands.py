@@ -10,6 +10,7 @@ import pytest
 import torch
 from PIL import Image
 from world_fixture import (
+    FEW_STEPS,
     NUM_TEMPLATES,
     NUM_TRAIN_SCENES,
     NUM_VAL_SCENES,
@@ -20,7 +21,7 @@ from world_fixture import (
     train_flags,
 )
 
-from shoot.baselines import kept_past_motion
+from shoot.baselines import kept_past_motion, past_motion
 from shoot.cli import demo
 from shoot.prediction.run import open_run
 from shoot.templates import TemplateSet
@@ -230,6 +231,7 @@ def test_demo_shows_the_shipped_planner_then_trains_beside_it_and_reuses_all(
     arguments = ["shoot-demo", "--out", str(tmp_path / "demo"), "--train-scenes", "2"]
     arguments += ["--val-scenes", "1", "--first-scenes", "1", "--k", "30", "--steps", "3"]
     monkeypatch.setattr("sys.argv", [*arguments, "--image-scale", "0.05", "--workers", "1"])
+    monkeypatch.setattr(past_motion, "STEPS_AN_EPOCH", FEW_STEPS)
     demo.main()
     printed = capsys.readouterr().out
     assert printed.count("Split 'val':") == 2

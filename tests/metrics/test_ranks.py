@@ -1,4 +1,3 @@
-# References are imported where they are used: the spawned processes import this file too.
 import socket
 from datetime import timedelta
 from pathlib import Path
@@ -6,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from world_fixture import start_beside
 
 from shoot.metrics.ranks import (
     TOP_KS,
@@ -262,14 +262,11 @@ def test_two_processes_give_the_values_of_one(tmp_path: Path):
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    # This process is one of the two: importing torch is most of the test's time.
-    other = torch.multiprocessing.get_context("spawn").Process(
-        target=_run_rank, args=(1, port, str(tmp_path))
-    )
-    other.start()
+    # This process is one of the two.
+    other = start_beside(_run_rank, 1, port, str(tmp_path), log=tmp_path / "log")
     _run_rank(0, port, str(tmp_path))
     other.join()
-    assert other.exitcode == 0
+    assert other.exitcode == 0, (tmp_path / "log").read_text()
     alone = PlanningMetrics()
     alone.update(*_ddp_samples())
     expected = alone.compute()

@@ -1,8 +1,7 @@
 """The table of a GPU: its pieces, tried on the CPU, and what is said where there is no GPU."""
 
 import importlib
-import subprocess
-import sys
+import runpy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -57,14 +56,15 @@ def test_the_loop_of_shoot_train_is_timed(work: Any) -> None:
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="There is a CUDA GPU here.")
-def test_without_a_gpu_it_says_so_in_a_sentence() -> None:
-    said = subprocess.run(
-        [sys.executable, SCRIPTS / "benchmark.py", "--device", "cuda"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert said.returncode == 2
-    assert said.stdout == ""
-    assert "no CUDA GPU" in said.stderr
-    assert len(said.stderr.splitlines()) == 1
+def test_without_a_gpu_it_says_so_in_a_sentence(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.syspath_prepend(SCRIPTS)
+    monkeypatch.setattr("sys.argv", ["benchmark.py", "--device", "cuda"])
+    with pytest.raises(SystemExit) as ended:
+        runpy.run_path(str(SCRIPTS / "benchmark.py"), run_name="__main__")
+    said = capsys.readouterr()
+    assert ended.value.code == 2
+    assert said.out == ""
+    assert "no CUDA GPU" in said.err
+    assert len(said.err.splitlines()) == 1
