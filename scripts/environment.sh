@@ -61,8 +61,7 @@ set_up_environment() {
     if [ "$(cat "$stamp" 2>/dev/null)" != "$sum" ]; then
         say "Installing shoot-planner${extras:+ with its extra '$extras'} and what it needs into .venv" \
             "(several GB with the CUDA build of torch; docs/install.md tells how to get the CPU build)."
-        # Compiling every file that is installed takes as long as all else; what is imported is compiled
-        # then.
+        # What is imported is compiled then; compiling all that is installed takes 40 s.
         if ! .venv/bin/python -m pip install --quiet --no-compile -e ".${extras:+[$extras]}"; then
             say "error: pip could not install shoot; see its message above, then run this again."
             return 1

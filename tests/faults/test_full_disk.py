@@ -2,6 +2,7 @@
 
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 import pytest
 import tally
@@ -25,10 +26,13 @@ OUTCOME = (
     "ends with the same bytes"
 )
 CHECKPOINT = "checkpoints/last.ckpt"
-# Of the other commands, every week: all write through the same function.
-TRAIN_EVERY_DAY = [
-    pytest.param(name, marks=[] if name == "shoot-train" else pytest.mark.full) for name in COMMANDS
-]
+
+
+def every_time(*names: str) -> list[Any]:
+    """All commands, those not named in the long form only."""
+    return [
+        pytest.param(name, marks=[] if name in names else pytest.mark.full) for name in COMMANDS
+    ]
 
 
 def fail(job: Job, expected: Undisturbed, says: str, max_bytes: int | None = None) -> None:
@@ -51,13 +55,7 @@ def meet_full_disk(job: Job, data: TinyRun, room: float) -> None:
         finish(job, expected)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=pytest.mark.full if "world" in name or "evaluate" in name else [])
-        for name in COMMANDS
-    ],
-)
+@pytest.mark.parametrize("name", every_time("shoot-train", "shoot-fit-templates"))
 def test_full_disk(name: str, tiny_run: TinyRun, tmp_path: Path) -> None:
     job = make_job(name, tiny_run, tmp_path / "disk", workers=int(name == "shoot-make-world"))
     meet_full_disk(job, tiny_run, 0.6)
@@ -70,7 +68,7 @@ def test_fuller_disks(name: str, room: float, tiny_run: TinyRun, tmp_path: Path)
     meet_full_disk(make_job(name, tiny_run, tmp_path / "disk"), tiny_run, room)
 
 
-@pytest.mark.parametrize("name", TRAIN_EVERY_DAY)
+@pytest.mark.parametrize("name", every_time("shoot-train"))
 def test_files_that_may_not_become_so_large(name: str, tiny_run: TinyRun, tmp_path: Path) -> None:
     """What can be tried without a disk of its own."""
     job = make_job(name, tiny_run, tmp_path / "work")
